@@ -1,0 +1,137 @@
+"""Regions of the plane: one outer loop and the islands in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from grassfire.errors import GeometryError
+from grassfire.geometry.batch import CurveBatch
+from grassfire.geometry.curve import Bounds, Curve, FloatArray, affine_parts
+from grassfire.geometry.loop import Loop
+from grassfire.geometry.winding import MonotonePieces
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A bounded region with its boundary run so that the region lies on the left.
+
+    Parameters
+    ----------
+    outer : Loop
+        Either orientation; made counter-clockwise.
+    islands : sequence of Loop
+        Loops inside `outer`; made clockwise.
+
+    Raises
+    ------
+    GeometryError
+        For a loop without area, or an island that reaches out of the outer loop's box.
+
+    Notes
+    -----
+    The global boundary parameter u numbers all curves through: u = `first_curve[loop]` + index of
+    the curve in its loop + t. Loops are taken as simple and apart; that is the reader's to check.
+    """
+
+    outer: Loop
+    islands: tuple[Loop, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "outer", _oriented(self.outer, 1.0))
+        islands = tuple(_oriented(island, -1.0) for island in self.islands)
+        object.__setattr__(self, "islands", islands)
+        if islands:
+            low_high = np.array(self.outer.bounds())
+            slack = 1e-9 * self.outer.curves[0].size
+            for island in islands:
+                inside = np.array(island.bounds())
+                if np.any(inside[:2] < low_high[:2] - slack) or np.any(
+                    inside[2:] > low_high[2:] + slack
+                ):
+                    raise GeometryError(
+                        "an island lies outside of its region",
+                        place=island.curves[0].start.tolist(),
+                    )
+
+    @property
+    def loops(self) -> tuple[Loop, ...]:
+        """All loops, the outer one first."""
+        return (self.outer, *self.islands)
+
+    @cached_property
+    def curves(self) -> tuple[Curve, ...]:
+        """All boundary curves in the order of the global parameter."""
+        return tuple(curve for loop in self.loops for curve in loop.curves)
+
+    @cached_property
+    def first_curve(self) -> NDArray[np.int64]:
+        """(number of loops + 1,) global index of each loop's first curve, and the total."""
+        counts = [len(loop) for loop in self.loops]
+        return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+    @cached_property
+    def batch(self) -> CurveBatch:
+        """All boundary curves, prepared for evaluation of many at once."""
+        return CurveBatch(self.curves)
+
+    @cached_property
+    def area(self) -> float:
+        """Area in mm^2."""
+        return float(sum(loop.area for loop in self.loops))
+
+    @cached_property
+    def perimeter(self) -> float:
+        """Length of all loops in mm."""
+        return float(sum(loop.length for loop in self.loops))
+
+    def bounds(self) -> Bounds:
+        """Return the exact bounding box (xmin, ymin, xmax, ymax) in mm."""
+        return self.outer.bounds()
+
+    @cached_property
+    def _pieces(self) -> MonotonePieces:
+        return MonotonePieces(self.loops)
+
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Return which of the points (n, 2) lie inside, shape (n,).
+
+        By winding numbers over pieces of the exact curves that are monotone in y: exact to
+        rounding. Points on the boundary may fall on either side.
+        """
+        return self._pieces.winding(np.asarray(points, dtype=np.float64)) > 0
+
+    def transformed(self, matrix: ArrayLike) -> Region:
+        """Return the image under a (2, 3) affine matrix; orientation is restored after mirrors."""
+        affine_parts(matrix)
+        outer = self.outer.transformed(matrix)
+        return Region(outer, tuple(island.transformed(matrix) for island in self.islands))
+
+    def locate_boundary(self, u: ArrayLike) -> tuple[NDArray[np.int64], FloatArray]:
+        """Return global curve indices and parameters t of u in [0, number of curves]."""
+        parameter = np.asarray(u, dtype=np.float64)
+        index = np.clip(np.floor(parameter), 0, len(self.curves) - 1).astype(np.int64)
+        return index, np.asarray(parameter - index)
+
+    def boundary_point(self, u: ArrayLike) -> FloatArray:
+        """Return boundary points (..., 2) at global parameters u."""
+        return self.batch.point(*self.locate_boundary(u))
+
+    def boundary_normal(self, u: ArrayLike) -> FloatArray:
+        """Return inward unit normals (..., 2) at global parameters u."""
+        return self.batch.normal(*self.locate_boundary(u))
+
+    def boundary_curvature(self, u: ArrayLike) -> FloatArray:
+        """Return signed curvatures (...) at global parameters u, left turns positive."""
+        return self.batch.curvature(*self.locate_boundary(u))
+
+
+def _oriented(loop: Loop, sign: float) -> Loop:
+    low_high = loop.bounds()
+    extent = (low_high[2] - low_high[0]) ** 2 + (low_high[3] - low_high[1]) ** 2
+    if abs(loop.area) <= 1e-14 * extent:
+        raise GeometryError("a loop has no area", place=loop.curves[0].start.tolist())
+    return loop if loop.area * sign > 0.0 else loop.reversed()

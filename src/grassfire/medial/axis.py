@@ -1,0 +1,327 @@
+"""The medial axis transform of a region: graph, Bezier edges, certificate and queries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from grassfire import tolerance as default
+from grassfire.errors import GeometryError
+from grassfire.geometry import Bezier, Region
+from grassfire.medial.build import build_sites
+from grassfire.medial.certificate import Certificate, certify
+from grassfire.medial.edges import Fit, Span, bernstein_matrix, fit_edges
+from grassfire.medial.graph import Graph, build_graph
+from grassfire.medial.offset import OffsetNode, offset_tree
+from grassfire.medial.search import BoundarySearch
+from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
+from grassfire.medial.topology import Topology
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A polynomial edge: vertices, (n + 1, 2) control points and (n + 1,) radii, mm."""
+
+    start: int
+    end: int
+    control_points: FloatArray
+    radius: FloatArray
+
+
+@dataclass(frozen=True)
+class MedialAxis:
+    """Medial axis transform of a region, certified.
+
+    Made by `medial_axis`. Coordinates of the public attributes are those of the region.
+    """
+
+    region: Region
+    sites: Sites
+    beziers: tuple[Bezier, ...]
+    search: BoundarySearch
+    graph: Graph
+    fit: Fit
+    pruned: BoolArray
+    certificate: Certificate
+    tolerance: float
+
+    @property
+    def span(self) -> Span:
+        """Polynomial pieces seen from both sides of the boundary."""
+        return self.fit.span
+
+    # -- graph ------------------------------------------------------------------------------------
+
+    @cached_property
+    def _kept(self) -> tuple[IntArray, IntArray]:
+        """Vertices that belong to a kept edge (or are the whole axis), and their new numbers."""
+        kept = ~self.pruned
+        count = len(self.fit.vertex_radius)
+        if kept.any():
+            used = np.unique(np.concatenate([self.span.first[kept], self.span.last[kept]]))
+        else:
+            used = np.flatnonzero(np.arange(count) == np.argmax(self.fit.vertex_radius))
+        number = np.full(count, -1, dtype=np.int64)
+        number[used] = np.arange(len(used))
+        return used, number
+
+    @property
+    def vertex_point(self) -> FloatArray:
+        """(n, 2) vertices, mm."""
+        return np.asarray(self.fit.vertex_centre[self._kept[0]] + self.sites.origin)
+
+    @property
+    def vertex_radius(self) -> FloatArray:
+        """(n,) radii at the vertices, mm."""
+        return np.asarray(self.fit.vertex_radius[self._kept[0]])
+
+    @property
+    def vertex_kind(self) -> list[str]:
+        """"corner", "end", "joint" or "branch" for each vertex."""
+        _, number = self._kept
+        kept = ~self.pruned
+        ends = number[np.concatenate([self.span.first[kept], self.span.last[kept]])]
+        degree = np.bincount(ends, minlength=len(self.vertex_radius))
+        names = np.array(["end", "end", "joint", "branch"])[np.minimum(degree, 3)]
+        corner = (self.vertex_radius <= 1e-9 * self.sites.size) & (degree <= 1)
+        return [str(name) for name in np.where(corner, "corner", names)]
+
+    @cached_property
+    def edges(self) -> tuple[Edge, ...]:
+        """Kept edges, in the order of the boundary."""
+        _, number = self._kept
+        shift = np.array([self.sites.origin[0], self.sites.origin[1]])
+        return tuple(
+            Edge(
+                int(number[self.span.first[row]]),
+                int(number[self.span.last[row]]),
+                self.fit.coefficients[row][:, :2] + shift,
+                self.fit.coefficients[row][:, 2].copy(),
+            )
+            for row in np.flatnonzero(~self.pruned)
+        )
+
+    # -- queries ----------------------------------------------------------------------------------
+
+    def clearance(self, points: FloatArray) -> FloatArray:
+        """Exact distance of points to the boundary, negative outside the region.
+
+        Parameters
+        ----------
+        points : (n, 2) float array
+
+        Returns
+        -------
+        (n,) float array, mm
+        """
+        sites = self.sites
+        local = np.asarray(points, dtype=np.float64).reshape(-1, 2) - sites.origin
+        distance, site, parameter = self.search.nearest(local)
+        position, normal, _ = sites.frame(site, parameter)
+        inside = np.einsum("ij,ij->i", local - position, normal) >= 0
+        low, high = parameter <= sites.low[site], parameter >= sites.high[site]
+        # The nearest point is a convex corner only from outside, a reflex one only from inside.
+        convex = (high & sites.corner_after[site]) | (low & sites.corner_after[sites.preceding[site]])
+        point = sites.kind == SiteKind.POINT
+        reflex = point[site] | (high & point[sites.following[site]])
+        reflex |= low & point[sites.preceding[site]]
+        inside = np.where(convex, distance == 0, inside | reflex)
+        return np.where(inside, distance, -distance)
+
+    @cached_property
+    def critical(self) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+        """Interior extrema of r along the pieces: row, fraction, (k, 3) disk, sign of curvature.
+
+        The sign is -1 for maxima and +1 for minima (necks).
+        """
+        fraction = np.linspace(0.0, 1.0, 25)
+        rows: list[IntArray] = []
+        where: list[FloatArray] = []
+        signs: list[FloatArray] = []
+        for degree, members, table in self.by_degree:
+            if degree < 2:
+                continue
+            slope = degree * np.diff(table[:, :, 2], axis=1)
+            scale = np.abs(slope).max(axis=1)
+            values = slope @ bernstein_matrix(degree - 1, fraction).T
+            values[np.abs(values) <= 1e-12 * scale[:, None]] = 0.0
+            change = (values[:, :-1] * values[:, 1:] < 0) & (scale > 1e-12 * self.sites.size)[:, None]
+            row, column = np.nonzero(change)
+            left, right = fraction[column], fraction[column + 1]
+            sign = np.sign(values[row, column])
+            for _ in range(50):
+                middle = 0.5 * (left + right)
+                basis = bernstein_matrix(degree - 1, middle)
+                same = np.sign(np.einsum("ij,ij->i", basis, slope[row])) == sign
+                left, right = np.where(same, middle, left), np.where(same, right, middle)
+            rows.append(members[row])
+            where.append(0.5 * (left + right))
+            signs.append(-sign)
+        if not rows:
+            return np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3)), np.zeros(0)
+        row, place = np.concatenate(rows), np.concatenate(where)
+        order = np.lexsort((place, row))
+        row, place = row[order], place[order]
+        return row, place, self.disks(row, place), np.concatenate(signs)[order]
+
+    @cached_property
+    def by_degree(self) -> list[tuple[int, IntArray, FloatArray]]:
+        """Pieces grouped by degree: (degree, rows, (k, degree + 1, 3) coefficients)."""
+        groups = []
+        for degree in np.unique(self.fit.degree):
+            members = np.flatnonzero(self.fit.degree == degree)
+            groups.append((int(degree), members, np.stack([self.fit.coefficients[m] for m in members])))
+        return groups
+
+    def disks(self, row: IntArray, fraction: FloatArray) -> FloatArray:
+        """(k, 3) disks (x, y, r) of pieces `row` at `fraction`, relative to the sites' origin."""
+        result = np.zeros((len(row), 3))
+        degree = self.fit.degree[row]
+        for value in np.unique(degree):
+            members = np.flatnonzero(degree == value)
+            basis = bernstein_matrix(int(value), fraction[members])
+            table = np.stack([self.fit.coefficients[k] for k in row[members]])
+            result[members] = np.einsum("ij,ijk->ik", basis, table)
+        return result
+
+    def largest_disk(self) -> tuple[FloatArray, float]:
+        """Centre and radius of a largest inscribed disk, mm."""
+        _, _, disks, _ = self.critical
+        radius = np.concatenate([self.fit.vertex_radius, disks[:, 2]])
+        centre = np.concatenate([self.fit.vertex_centre, disks[:, :2]])
+        best = int(np.argmax(radius))
+        return np.asarray(centre[best] + self.sites.origin), float(radius[best])
+
+    def narrowest_neck(self) -> tuple[FloatArray, float] | None:
+        """Axis point and radius where the region is locally narrowest, or None without a neck."""
+        _, _, disks, sign = self.critical
+        centre, radius = disks[sign > 0, :2], disks[sign > 0, 2]
+        vertex, value = self._neck_vertices()
+        centre, radius = np.concatenate([centre, vertex]), np.concatenate([radius, value])
+        if not len(radius):
+            return None
+        best = int(np.argmin(radius))
+        return np.asarray(centre[best] + self.sites.origin), float(radius[best])
+
+    def _neck_vertices(self) -> tuple[FloatArray, FloatArray]:
+        """Vertices of degree two or more from which r rises (or stays) along every edge."""
+        count = len(self.fit.vertex_radius)
+        lowest = np.full(count, np.inf)
+        highest = np.full(count, -np.inf)
+        degree = np.zeros(count, dtype=np.int64)
+        rows = np.arange(len(self.span.site))
+        for vertex, fraction in ((self.span.first, 0.02), (self.span.last, 0.98)):
+            near = self.disks(rows, np.full(len(rows), fraction))[:, 2]
+            rise = near - self.fit.vertex_radius[vertex]
+            np.minimum.at(lowest, vertex, rise)
+            np.maximum.at(highest, vertex, rise)
+            np.add.at(degree, vertex, 1)
+        slack = 1e-12 * self.sites.size
+        neck = (degree >= 2) & (lowest >= -slack) & (highest > slack)
+        return self.fit.vertex_centre[neck], self.fit.vertex_radius[neck]
+
+    def offset_tree(self, distances: FloatArray) -> tuple[OffsetNode, ...]:
+        """Trimmed offsets at ascending distances, as a tree of connected components.
+
+        See `grassfire.medial.offset.offset_tree`.
+        """
+        return offset_tree(self, np.asarray(distances, dtype=np.float64))
+
+    # -- output -----------------------------------------------------------------------------------
+
+    def to_dict(self) -> dict[str, Any]:
+        """The region's entry of `mat --json`."""
+        points, radii = self.vertex_point, self.vertex_radius
+        return {
+            "area": float(self.region.area),
+            "holes": len(self.region.islands),
+            "vertices": [
+                {"x": float(point[0]), "y": float(point[1]), "r": float(radius), "kind": kind}
+                for point, radius, kind in zip(points, radii, self.vertex_kind, strict=True)
+            ],
+            "edges": [
+                {
+                    "start": edge.start,
+                    "end": edge.end,
+                    "control_points": edge.control_points.tolist(),
+                    "radius": edge.radius.tolist(),
+                }
+                for edge in self.edges
+            ],
+            "certificate": self.certificate.to_dict(),
+        }
+
+
+def medial_axis(
+    region: Region,
+    tolerance: float = default.MEDIAL,
+    angular_tolerance: float = default.ANGULAR,
+) -> MedialAxis:
+    """Exact medial axis transform of a region by offset self-intersections (Dorado 2009).
+
+    Parameters
+    ----------
+    region : Region
+        Lines, arcs, elliptical arcs, Beziers and B-splines, corners and islands included.
+    tolerance : float
+        Largest deviation of the polynomial edges from the exact disks, mm.
+    angular_tolerance : float
+        Convex corners that turn by less get no branch of their own, radians.
+
+    Raises
+    ------
+    GeometryError
+        When the result cannot be certified, with the place.
+    """
+    sites, beziers = build_sites(region)
+    if not tolerance > 0:
+        raise GeometryError("the tolerance of the medial axis must be above 0")
+    samples = max(256, 2 * len(sites))
+    last: GeometryError | None = None
+    # Whatever the samples missed breaks the pairing or the certificate: look again, closer.
+    for factor in (1, 4, 16):
+        search = BoundarySearch(sites, samples * factor)
+        try:
+            topology = Topology(sites, search, snap=1e-11 * sites.size)
+            graph = build_graph(topology)
+            fit = fit_edges(sites, graph, 0.25 * tolerance)
+            certificate = certify(region, sites, search, graph, fit, tolerance)
+        except GeometryError as error:
+            last = error
+            continue
+        pruned = _pruned(sites, graph, fit, angular_tolerance)
+        return MedialAxis(
+            region, sites, beziers, search, graph, fit, pruned, certificate, tolerance
+        )
+    assert last is not None
+    raise last
+
+
+def _pruned(sites: Sites, graph: Graph, fit: Fit, angular_tolerance: float) -> BoolArray:
+    """Pieces on branches that run into corners too flat to count."""
+    pruned = np.zeros(len(fit.degree), dtype=bool)
+    flat = sites.corner_after & (sites.turn_after <= angular_tolerance)
+    if not flat.any():
+        return pruned
+    span = fit.span
+    ends = np.concatenate([span.first, span.last])
+    degree = np.bincount(ends, minlength=len(fit.vertex_radius))
+    at_flat = flat[graph.site] & (graph.end >= sites.high[graph.site])
+    queue = list(graph.last[at_flat])
+    while queue:
+        vertex = queue.pop()
+        rows = np.flatnonzero(((span.first == vertex) | (span.last == vertex)) & ~pruned)
+        if len(rows) != 1 or degree[vertex] != 1:
+            continue
+        row = int(rows[0])
+        pruned[row] = True
+        other = int(span.first[row] + span.last[row] - vertex)
+        stop = degree[other] != 2
+        degree[other] -= 1
+        degree[vertex] -= 1
+        if not stop:
+            queue.append(other)
+    return pruned

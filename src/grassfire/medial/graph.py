@@ -1,0 +1,212 @@
+"""The graph of the medial axis: vertices by clustering events, edges by pairing intervals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from grassfire.errors import GeometryError
+from grassfire.medial.sites import FloatArray, IntArray, Sites
+from grassfire.medial.topology import WHOLE, Intervals, Nodes, Topology
+
+
+@dataclass(frozen=True)
+class Graph:
+    """Vertices, boundary intervals and their pairing.
+
+    Attributes
+    ----------
+    vertex_centre : (v, 2) float array
+        In the sites' coordinates.
+    vertex_radius : (v,) float array
+    site, start, end, partner : (k,) arrays
+        Boundary intervals in boundary order: parameters and the site that they face
+        (`WHOLE` where the interval shrinks to a vertex).
+    first, last : (k,) int arrays
+        Vertex at each end of the interval.
+    mate : (k,) int array
+        The interval on the other side of the same edge; -1 where the axis is one vertex.
+    first_centre, last_centre, first_radius, last_radius
+        The disks at the ends as found from this side.
+    """
+
+    vertex_centre: FloatArray
+    vertex_radius: FloatArray
+    site: IntArray
+    start: FloatArray
+    end: FloatArray
+    partner: IntArray
+    first: IntArray
+    last: IntArray
+    mate: IntArray
+    first_centre: FloatArray
+    last_centre: FloatArray
+    first_radius: FloatArray
+    last_radius: FloatArray
+
+
+def build_graph(topology: Topology, rounds: int = 6) -> Graph:
+    """Resolve the topology and pair all intervals; refine where the pairing fails.
+
+    Raises
+    ------
+    GeometryError
+        When an interval has no mate after all rounds, with its place.
+    """
+    topology.resolve()
+    for _ in range(rounds):
+        graph, unpaired = _assemble(topology)
+        if not len(unpaired):
+            return graph
+        _refine(topology, graph, unpaired)
+    graph, unpaired = _assemble(topology)
+    if len(unpaired):
+        place = graph.first_centre[unpaired[0]] + topology.sites.origin
+        raise GeometryError(
+            f"{len(unpaired)} stretches of the boundary face nothing that faces them",
+            place=tuple(place),
+        )
+    return graph
+
+
+def _refine(topology: Topology, graph: Graph, unpaired: IntArray) -> None:
+    """More nodes inside the intervals that found no mate."""
+    fraction = np.array([0.21, 0.5, 0.83])
+    span = (graph.end - graph.start)[unpaired]
+    parameter = (graph.start[unpaired, None] + span[:, None] * fraction).ravel()
+    site = np.repeat(graph.site[unpaired], len(fraction))
+    topology.nodes = Nodes.join(topology.nodes, topology.plain_nodes(site, parameter))
+    topology.resolve()
+
+
+def _assemble(topology: Topology) -> tuple[Graph, IntArray]:
+    intervals = topology.intervals()
+    label, centre, radius = _vertices(topology, intervals)
+    nodes = topology.nodes
+    first, last = label[intervals.first], label[intervals.last]
+    partner = intervals.partner.copy()
+    tiny = _tiny(topology, intervals)
+    point = (first == last) & (tiny | (partner == WHOLE) | _stays(topology, intervals))
+    keep = ~(tiny & point)
+    partner[point] = WHOLE
+    site, start, end = intervals.site[keep], intervals.start[keep], intervals.end[keep]
+    first, last, partner = first[keep], last[keep], partner[keep]
+    mate = _pair(site, partner, first, last)
+    unpaired = np.flatnonzero((mate < 0) & (partner != WHOLE))
+    head, tail = intervals.first_node[keep], intervals.last_node[keep]
+    graph = Graph(
+        vertex_centre=centre,
+        vertex_radius=radius,
+        site=site,
+        start=start,
+        end=end,
+        partner=partner,
+        first=first,
+        last=last,
+        mate=mate,
+        first_centre=nodes.centre[head],
+        last_centre=nodes.centre[tail],
+        first_radius=nodes.radius[head],
+        last_radius=nodes.radius[tail],
+    )
+    return graph, unpaired
+
+
+def _tiny(topology: Topology, intervals: Intervals) -> np.ndarray:
+    radius = topology.nodes.radius[intervals.first_node]
+    speed = topology.sites.speed(intervals.site, intervals.start, radius)
+    return np.asarray((intervals.end - intervals.start) * speed <= topology.snap)
+
+
+def _stays(topology: Topology, intervals: Intervals) -> np.ndarray:
+    """Whether the axis stays within the cluster tolerance of the vertex along the interval."""
+    sites: Sites = topology.sites
+    fraction = np.array([0.25, 0.5, 0.75])
+    span = intervals.end - intervals.start
+    parameter = (intervals.start[:, None] + span[:, None] * fraction).ravel()
+    site = np.repeat(intervals.site, 3)
+    partner = np.repeat(intervals.partner, 3)
+    safe = np.maximum(partner, 0)
+    position, normal, _ = sites.frame(site, parameter)
+    _, radius = sites.contact(safe, position, normal, np.full(len(site), np.nan))
+    radius = np.where(np.isfinite(radius), radius, 0.0)
+    centre = position + radius[:, None] * normal
+    away = centre - np.repeat(topology.nodes.centre[intervals.first_node], 3, axis=0)
+    limit = 10 * cluster_length(sites)
+    return np.asarray(np.all((np.hypot(away[:, 0], away[:, 1]) <= limit).reshape(-1, 3), axis=1))
+
+
+def cluster_length(sites: Sites) -> float:
+    """Distance below which two events are one vertex, mm."""
+    return 1e-9 * sites.size
+
+
+def _vertices(topology: Topology, intervals: Intervals) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Label of each event vertex, and the centre and radius of each label."""
+    nodes = topology.nodes
+    events = np.flatnonzero(nodes.vertex >= 0)
+    identity = nodes.vertex[events]
+    centre, radius = nodes.centre[events], nodes.radius[events]
+    links = [np.stack([identity, identity])]
+    tree = cKDTree(np.concatenate([centre, radius[:, None]], axis=1))
+    near = tree.query_pairs(cluster_length(topology.sites), output_type="ndarray")
+    links.append(np.stack([identity[near[:, 0]], identity[near[:, 1]]]))
+    links.append(_triples(topology, events))
+    rows, columns = np.concatenate(links, axis=1)
+    count = topology.vertex_count
+    matrix = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count))
+    _, component = connected_components(matrix, directed=False)
+    used = np.unique(component[identity])
+    renumber = np.full(count, -1, dtype=np.int64)
+    renumber[used] = np.arange(len(used))
+    label = renumber[component]
+    owner = label[identity]
+    weight = np.bincount(owner, minlength=len(used)).astype(float)
+    mean = np.stack(
+        [np.bincount(owner, values, minlength=len(used)) / weight for values in (*centre.T, radius)]
+    )
+    return label, np.asarray(mean[:2].T), np.asarray(mean[2])
+
+
+def _triples(topology: Topology, events: IntArray) -> IntArray:
+    """Links between events that have the same three sites, each seen from another of them.
+
+    Nearly parallel contacts leave a branch point ill-determined along the axis; the three sites
+    still identify it.
+    """
+    nodes = topology.nodes
+    site, left, right = nodes.site[events], nodes.left[events], nodes.right[events]
+    branch = (left != right) & (left >= 0) & (right >= 0) & (left != site) & (right != site)
+    rows = events[branch]
+    if not len(rows):
+        return np.zeros((2, 0), dtype=np.int64)
+    triple = np.sort(np.stack([site[branch], left[branch], right[branch]], axis=1), axis=1)
+    order = np.lexsort(triple.T[::-1])
+    rows, triple = rows[order], triple[order]
+    limit = 1e-6 * topology.sites.size
+    pairs: list[tuple[int, int]] = []
+    for step in (1, 2):
+        if len(rows) <= step:
+            continue
+        same = np.all(triple[step:] == triple[:-step], axis=1)
+        one, two = rows[:-step][same], rows[step:][same]
+        away = np.hypot(*(nodes.centre[one] - nodes.centre[two]).T)
+        close = (away <= limit) & (nodes.site[one] != nodes.site[two])
+        pairs.extend(zip(nodes.vertex[one[close]], nodes.vertex[two[close]], strict=True))
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+
+
+def _pair(site: IntArray, partner: IntArray, first: IntArray, last: IntArray) -> IntArray:
+    """Mates: (i, j, a, b) pairs with (j, i, b, a)."""
+    mate = np.full(len(site), -1, dtype=np.int64)
+    forward = np.stack([site, partner, first, last], axis=1)
+    backward = np.stack([partner, site, last, first], axis=1)
+    open_rows = np.flatnonzero(partner != WHOLE)
+    index = {tuple(row): k for k, row in zip(open_rows, forward[open_rows].tolist(), strict=True)}
+    for k, row in zip(open_rows, backward[open_rows].tolist(), strict=True):
+        mate[k] = index.get(tuple(row), -1)
+    return mate

@@ -1,0 +1,479 @@
+"""Boundary sites as columns: lines, arcs, spiral pieces of Bezier curves and reflex corners.
+
+A *site* is a piece of the boundary that a maximal disk touches at most once: a line, an arc, a piece
+of a (rational) Bezier curve with monotone curvature (a spiral: its osculating circles are nested,
+Kneser 1912, so no disk touches it twice), or a reflex corner, whose parameter sweeps the fan of its
+normals. All functions take arrays of site indices and parameters, so that thousands of contacts are
+solved in one call. Coordinates are relative to the centre of the region's bounding box.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+
+class SiteKind(IntEnum):
+    """Geometry of a site."""
+
+    LINE = 0
+    ARC = 1
+    SPIRAL = 2
+    POINT = 3
+
+
+@dataclass(frozen=True)
+class Sites:
+    """Columns of boundary sites, in boundary order, one row a site.
+
+    Attributes
+    ----------
+    kind : (m,) int array of SiteKind
+    anchor : (m, 2) float array
+        Line: start; arc: centre; point: the corner.
+    extent : (m, 2) float array
+        Line: end - start; arc: (start angle, sweep); point: (angle of the first normal, turn).
+    radius : (m,) float array
+        Arc radius, mm.
+    low, high : (m,) float arrays
+        Parameter range. 0 to 1 but for spirals, whose parameter is that of their Bezier curve.
+    coefficients : (b, degree + 1, 3) float array
+        Homogeneous power coefficients of the Bezier curves about parameter 1/2.
+    bezier : (m,) int array
+        Row of `coefficients`, -1 where the site is no spiral.
+    following, preceding : (m,) int arrays
+        Neighbours along the loop.
+    corner_after : (m,) bool array
+        Whether a convex corner ends the site.
+    turn_after : (m,) float array
+        Turn of that corner, radians (0 where the junction is smooth or reflex).
+    loop, curve : (m,) int arrays
+        Loop index and index of the curve in its loop.
+    origin : (2,) float array
+        What was subtracted from all coordinates, mm.
+    size : float
+        Diagonal of the bounding box, mm.
+    """
+
+    kind: IntArray
+    anchor: FloatArray
+    extent: FloatArray
+    radius: FloatArray
+    low: FloatArray
+    high: FloatArray
+    coefficients: FloatArray
+    bezier: IntArray
+    following: IntArray
+    preceding: IntArray
+    corner_after: BoolArray
+    turn_after: FloatArray
+    loop: IntArray
+    curve: IntArray
+    origin: FloatArray
+    size: float
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    def derivatives(self, site: IntArray, parameter: FloatArray, order: int) -> list[FloatArray]:
+        """Point and derivatives up to `order` (at most 3), each of shape (n, 2)."""
+        kind = self.kind[site]
+        result = [np.zeros((len(site), 2)) for _ in range(order + 1)]
+        result[0] += self.anchor[site]
+        line = np.flatnonzero(kind == SiteKind.LINE)
+        if len(line):
+            direction = self.extent[site[line]]
+            result[0][line] += parameter[line, None] * direction
+            if order:
+                result[1][line] = direction
+        arc = np.flatnonzero(kind == SiteKind.ARC)
+        if len(arc):
+            start, sweep = self.extent[site[arc]].T
+            angle = start + parameter[arc] * sweep
+            unit = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            scale = self.radius[site[arc]]
+            for power in range(order + 1):
+                result[power][arc] += scale[:, None] * unit
+                unit = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
+                scale = scale * sweep
+        spiral = np.flatnonzero(kind == SiteKind.SPIRAL)
+        if len(spiral):
+            values = self._spiral(self.bezier[site[spiral]], parameter[spiral], order)
+            for power in range(order + 1):
+                result[power][spiral] = values[power]
+        return result
+
+    def _spiral(self, row: IntArray, parameter: FloatArray, order: int) -> list[FloatArray]:
+        return evaluate_rational(self.coefficients[row], parameter, order)
+
+    def point(self, site: IntArray, parameter: FloatArray) -> FloatArray:
+        """(n, 2) boundary points."""
+        return self.derivatives(site, parameter, 0)[0]
+
+    def frame(
+        self, site: IntArray, parameter: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Points (n, 2), inward unit normals (n, 2) and signed curvatures (n,).
+
+        The curvature of a reflex corner is minus infinity.
+        """
+        position, first, second = self.derivatives(site, parameter, 2)
+        speed = np.hypot(first[:, 0], first[:, 1])
+        is_point = self.kind[site] == SiteKind.POINT
+        safe = np.where(speed > 0, speed, 1.0)
+        normal = np.stack([-first[:, 1], first[:, 0]], axis=1) / safe[:, None]
+        curvature = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / safe**3
+        arc = self.kind[site] == SiteKind.ARC
+        if arc.any():
+            curvature[arc] = np.sign(self.extent[site[arc], 1]) / self.radius[site[arc]]
+        if is_point.any():
+            start, turn = self.extent[site[is_point]].T
+            angle = start + parameter[is_point] * turn
+            normal[is_point] = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            curvature[is_point] = -np.inf
+        return position, normal, curvature
+
+    def speed(self, site: IntArray, parameter: FloatArray, radius: FloatArray) -> FloatArray:
+        """(n,) length along the boundary (or the fan at `radius`) per unit of parameter."""
+        first = self.derivatives(site, parameter, 1)[1]
+        result = np.hypot(first[:, 0], first[:, 1])
+        is_point = self.kind[site] == SiteKind.POINT
+        result[is_point] = np.abs(self.extent[site[is_point], 1]) * radius[is_point]
+        return result
+
+    # -- contacts ---------------------------------------------------------------------------------
+
+    def contact(
+        self, target: IntArray, position: FloatArray, normal: FloatArray, hint: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Smallest disk tangent at `position` (centre along `normal`) that reaches `target`.
+
+        Minimises (A) of the theory, |q-p|^2 / (2 n.(q-p)), over the closed site.
+
+        Parameters
+        ----------
+        target : (n,) int array
+        position, normal : (n, 2) float arrays
+        hint : (n,) float array
+            Start parameter on the target; NaN where none is known.
+
+        Returns
+        -------
+        parameter, radius : (n,) float arrays
+            Contact on the target and disk radius, mm; infinite where no disk reaches it.
+        """
+        kind = self.kind[target]
+        parameter = np.full(len(target), np.nan)
+        radius = np.full(len(target), np.inf)
+        for value, method in (
+            (SiteKind.LINE, self._contact_line),
+            (SiteKind.ARC, self._contact_arc),
+            (SiteKind.POINT, self._contact_point),
+        ):
+            rows = np.flatnonzero(kind == value)
+            if len(rows):
+                parameter[rows], radius[rows] = method(target[rows], position[rows], normal[rows])
+        rows = np.flatnonzero(kind == SiteKind.SPIRAL)
+        if len(rows):
+            parameter[rows], radius[rows] = self._contact_spiral(
+                target[rows], position[rows], normal[rows], hint[rows]
+            )
+        return parameter, radius
+
+    def _contact_line(
+        self, target: IntArray, position: FloatArray, normal: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        start, direction = self.anchor[target], self.extent[target]
+        length = np.hypot(direction[:, 0], direction[:, 1])
+        inward = np.stack([-direction[:, 1], direction[:, 0]], axis=1) / length[:, None]
+        height = _dot(inward, position - start)
+        cosine = _dot(normal, inward)
+        sine = normal[:, 0] * inward[:, 1] - normal[:, 1] * inward[:, 0]
+        # 1 - cos loses all digits for nearly parallel lines; sin^2 / (1 + cos) does not.
+        slack = np.where(cosine > 0, sine**2 / (1 + np.maximum(cosine, 0)), 1 - cosine)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            radius = np.where((height > 0) & (slack > 1e-30), height / slack, np.inf)
+        centre = position + np.where(np.isfinite(radius), radius, 0.0)[:, None] * normal
+        parameter = np.where(
+            np.isfinite(radius), _dot(centre - start, direction) / length**2, np.nan
+        )
+        return self._clip(target, position, normal, parameter, radius)
+
+    def _contact_arc(
+        self, target: IntArray, position: FloatArray, normal: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        centre, rim = self.anchor[target], self.radius[target]
+        start, sweep = self.extent[target].T
+        sign = np.sign(sweep)
+        offset = position - centre
+        distance = np.hypot(offset[:, 0], offset[:, 1])
+        numerator = (rim - distance) * (rim + distance)
+        denominator = 2 * (_dot(normal, offset) + sign * rim)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            radius = numerator / denominator
+        valid = np.isfinite(radius) & (radius > 0) & (numerator * sign > 0)
+        radius = np.where(valid, radius, np.inf)
+        towards = offset + np.where(valid, radius, 0.0)[:, None] * normal
+        angle = np.arctan2(towards[:, 1], towards[:, 0])
+        # Angle past the start in the direction of the sweep, cut opposite to the arc's middle.
+        middle = start + sweep / 2
+        delta = np.remainder(angle - middle + np.pi, 2 * np.pi) - np.pi
+        parameter = np.where(valid, 0.5 + delta / sweep, np.nan)
+        return self._clip(target, position, normal, parameter, radius)
+
+    def _contact_point(
+        self, target: IntArray, position: FloatArray, normal: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        chord = self.anchor[target] - position
+        radius = disk_through(chord, normal)
+        centre = position + np.where(np.isfinite(radius), radius, 0.0)[:, None] * normal
+        direction = centre - self.anchor[target]
+        start, turn = self.extent[target].T
+        angle = np.arctan2(direction[:, 1], direction[:, 0])
+        delta = np.remainder(angle - (start + turn / 2) + np.pi, 2 * np.pi) - np.pi
+        parameter = np.clip(0.5 + delta / turn, 0.0, 1.0)
+        return np.where(np.isfinite(radius), parameter, np.nan), radius
+
+    def _clip(
+        self,
+        target: IntArray,
+        position: FloatArray,
+        normal: FloatArray,
+        parameter: FloatArray,
+        radius: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Replace contacts beyond an end of the site by the better of its two ends."""
+        low, high = self.low[target], self.high[target]
+        outside = ~((parameter >= low) & (parameter <= high))
+        rows = np.flatnonzero(outside)
+        if len(rows):
+            ends = [
+                disk_through(self.point(target[rows], end[rows]) - position[rows], normal[rows])
+                for end in (low, high)
+            ]
+            first = ends[0] <= ends[1]
+            parameter[rows] = np.where(first, low[rows], high[rows])
+            radius[rows] = np.where(first, ends[0], ends[1])
+        return parameter, radius
+
+    def _contact_spiral(
+        self, target: IntArray, position: FloatArray, normal: FloatArray, hint: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        parameter, radius, good = self._newton_contact(target, position, normal, hint)
+        rows = np.flatnonzero(~good)
+        if len(rows):
+            parameter[rows], radius[rows] = self._bracketed_contact(
+                target[rows], position[rows], normal[rows]
+            )
+        return parameter, radius
+
+    def _newton_contact(
+        self, target: IntArray, position: FloatArray, normal: FloatArray, hint: FloatArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        low, high = self.low[target], self.high[target]
+        span = high - low
+        parameter = np.clip(np.where(np.isnan(hint), low, hint), low, high)
+        radius = np.full(len(target), np.inf)
+        good = np.zeros(len(target), dtype=bool)
+        active = np.flatnonzero(~np.isnan(hint))
+        for _ in range(12):
+            if not len(active):
+                break
+            value = parameter[active]
+            slope, curve, rho = self._stationarity(
+                target[active], position[active], normal[active], value
+            )
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = -slope / curve
+            usable = np.isfinite(step) & np.isfinite(rho) & (curve > 0)
+            step = np.where(usable, step, 0.0)
+            new = np.clip(value + step, low[active], high[active])
+            parameter[active] = new
+            done = np.abs(new - value) <= 4e-16 * (1 + np.abs(value)) + 1e-15 * span[active]
+            inside = (new > low[active]) & (new < high[active])
+            good[active] = done & usable & inside
+            radius[active] = rho
+            active = active[~done & usable]
+        return parameter, radius, good
+
+    def _stationarity(
+        self, target: IntArray, position: FloatArray, normal: FloatArray, parameter: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Derivative of (A) up to a positive factor, its derivative, and (A) itself."""
+        point, first, second = self._spiral(self.bezier[target], parameter, 2)
+        chord = point - position
+        rho = disk_through(chord, normal)
+        finite = np.where(np.isfinite(rho), rho, 0.0)
+        towards = chord - finite[:, None] * normal
+        return _dot(towards, first), _dot(first, first) + _dot(towards, second), rho
+
+    def _bracketed_contact(
+        self, target: IntArray, position: FloatArray, normal: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        low, high = self.low[target], self.high[target]
+        fraction = np.linspace(0.0, 1.0, 17)
+        grid = low[:, None] + (high - low)[:, None] * fraction
+        grid[:, -1] = high
+        count, width = grid.shape
+        chord = self._spiral(np.repeat(self.bezier[target], width), grid.ravel(), 0)[0]
+        chord -= np.repeat(position, width, axis=0)
+        rho = disk_through(chord, np.repeat(normal, width, axis=0)).reshape(count, width)
+        best = np.argmin(rho, axis=1)
+        rows = np.arange(count)
+        left = grid[rows, np.maximum(best - 1, 0)]
+        right = grid[rows, np.minimum(best + 1, width - 1)]
+        parameter = grid[rows, best]
+        radius = rho[rows, best]
+        active = np.flatnonzero(np.isfinite(radius))
+        for _ in range(60):
+            if not len(active):
+                break
+            value = parameter[active]
+            slope, curve, current = self._stationarity(
+                target[active], position[active], normal[active], value
+            )
+            # Where no disk exists the minimum lies on the other side of the best sample.
+            rising = slope > 0
+            right[active] = np.where(rising, value, right[active])
+            left[active] = np.where(rising, left[active], value)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                new = value - slope / curve
+            inside = (new > left[active]) & (new < right[active]) & (curve > 0)
+            new = np.where(inside, new, 0.5 * (left[active] + right[active]))
+            better = current <= radius[active]
+            radius[active] = np.where(better, current, radius[active])
+            done = np.abs(new - value) <= 1e-15 * (high - low)[active] + 4e-16 * np.abs(value)
+            parameter[active] = np.where(done, value, new)
+            active = active[~done]
+        final = disk_through(self._spiral(self.bezier[target], parameter, 0)[0] - position, normal)
+        sampled = rho[rows, best]
+        worse = ~(final <= sampled)
+        parameter = np.where(worse, grid[rows, best], parameter)
+        return parameter, np.where(worse, sampled, final)
+
+    # -- projection -------------------------------------------------------------------------------
+
+    def project(
+        self, target: IntArray, centre: FloatArray, hint: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Nearest point of each target site to each centre: parameter and distance, (n,) each."""
+        kind = self.kind[target]
+        parameter = np.zeros(len(target))
+        rows = np.flatnonzero(kind == SiteKind.LINE)
+        if len(rows):
+            direction = self.extent[target[rows]]
+            along = _dot(centre[rows] - self.anchor[target[rows]], direction)
+            parameter[rows] = np.clip(along / _dot(direction, direction), 0.0, 1.0)
+        rows = np.flatnonzero(kind == SiteKind.ARC)
+        if len(rows):
+            parameter[rows] = self._project_arc(target[rows], centre[rows])
+        rows = np.flatnonzero(kind == SiteKind.SPIRAL)
+        if len(rows):
+            parameter[rows] = self._project_spiral(target[rows], centre[rows], hint[rows])
+        delta = centre - self.point(target, parameter)
+        return parameter, np.hypot(delta[:, 0], delta[:, 1])
+
+    def _project_arc(self, target: IntArray, centre: FloatArray) -> FloatArray:
+        start, sweep = self.extent[target].T
+        offset = centre - self.anchor[target]
+        angle = np.arctan2(offset[:, 1], offset[:, 0])
+        delta = np.remainder(angle - (start + sweep / 2) + np.pi, 2 * np.pi) - np.pi
+        return np.asarray(np.clip(0.5 + delta / sweep, 0.0, 1.0))
+
+    def _project_spiral(self, target: IntArray, centre: FloatArray, hint: FloatArray) -> FloatArray:
+        low, high = self.low[target], self.high[target]
+        parameter = np.clip(hint, low, high)
+        best = parameter.copy()
+        distance = np.full(len(target), np.inf)
+        active = np.arange(len(target))
+        # Centres of curvature are multiple roots: Newton is linear there and needs its time.
+        for _ in range(40):
+            value = parameter[active]
+            point, first, second = self._spiral(self.bezier[target[active]], value, 2)
+            offset = point - centre[active]
+            squared = _dot(offset, offset)
+            better = squared < distance[active]
+            best[active] = np.where(better, value, best[active])
+            distance[active] = np.where(better, squared, distance[active])
+            slope, flat = _dot(offset, first), _dot(first, first)
+            curve = flat + _dot(offset, second)
+            # Gauss-Newton where the full second derivative is not safely positive.
+            curve = np.where(curve > 1e-7 * flat, curve, flat)
+            new = np.clip(value - slope / curve, low[active], high[active])
+            parameter[active] = new
+            active = active[np.abs(new - value) > 1e-15 * (1 + np.abs(value))]
+            if not len(active):
+                break
+        for end in (low, high):
+            offset = self._spiral(self.bezier[target], end, 0)[0] - centre
+            squared = _dot(offset, offset)
+            better = squared < distance
+            best = np.where(better, end, best)
+            distance = np.where(better, squared, distance)
+        return best
+
+
+def evaluate_rational(
+    coefficients: FloatArray, parameter: FloatArray, order: int
+) -> list[FloatArray]:
+    """Point and derivatives up to `order` <= 3 of rational curves, power form about 1/2.
+
+    Parameters
+    ----------
+    coefficients : (n, degree + 1, 3) float array
+        Homogeneous coefficients (w x, w y, w), lowest power first, in powers of t - 1/2.
+    parameter : (n,) float array
+
+    Returns
+    -------
+    list of (n, 2) float arrays
+    """
+    local = (parameter - 0.5)[:, None]
+    degree = coefficients.shape[1] - 1
+    values = [np.zeros((len(parameter), 3)) for _ in range(order + 1)]
+    for power in range(degree, -1, -1):
+        for index in range(order, 0, -1):
+            values[index] = values[index] * local + index * values[index - 1]
+        values[0] = values[0] * local + coefficients[:, power]
+    weight = values[0][:, 2:]
+    result = [values[0][:, :2] / weight]
+    if order >= 1:
+        result.append((values[1][:, :2] - values[1][:, 2:] * result[0]) / weight)
+    if order >= 2:
+        result.append(
+            (values[2][:, :2] - 2 * values[1][:, 2:] * result[1] - values[2][:, 2:] * result[0])
+            / weight
+        )
+    if order >= 3:
+        result.append(
+            (
+                values[3][:, :2]
+                - 3 * values[1][:, 2:] * result[2]
+                - 3 * values[2][:, 2:] * result[1]
+                - values[3][:, 2:] * result[0]
+            )
+            / weight
+        )
+    return result
+
+
+def disk_through(chord: FloatArray, normal: FloatArray) -> FloatArray:
+    """(A): radius of the disk tangent at p with normal n through q, `chord` being q - p.
+
+    Infinite where q lies behind the tangent.
+    """
+    height = _dot(chord, normal)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        radius = _dot(chord, chord) / (2 * height)
+    return np.where((height > 0) & np.isfinite(radius), radius, np.inf)
+
+
+def _dot(first: FloatArray, second: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("ij,ij->i", first, second))

@@ -1,0 +1,449 @@
+"""The involution of the boundary: which site faces which, and where that changes.
+
+Every site is cut into intervals that face one partner. The cuts are *events*: images of junctions
+(the partner passes from one site to the next), ends (curvature maxima, convex corners, centres of
+contact arcs) and branch points. Events come from exact contacts; the partners at samples only say
+where to look. Between two nodes that disagree, the radii to both partners cross (a bracketed
+root), and the disk there is either empty (a branch point) or shows a site in between.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from grassfire.errors import GeometryError
+from grassfire.medial.search import BoundarySearch, Contacts
+from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
+
+WHOLE = -2
+"""Partner of a contact arc: the arc itself, its disk being centred at the arc's centre."""
+
+
+@dataclass(frozen=True)
+class Nodes:
+    """Boundary points with known maximal disks, one row each.
+
+    `left` and `right` are the partners before and after the node along its site; `vertex` is -1 for
+    plain nodes, whose `left` equals `right`. `facing` is the contact on the partner, `own` marks the
+    ends of the site itself.
+    """
+
+    site: IntArray
+    parameter: FloatArray
+    radius: FloatArray
+    left: IntArray
+    right: IntArray
+    facing: FloatArray
+    vertex: IntArray
+    centre: FloatArray
+    own: BoolArray
+
+    def __len__(self) -> int:
+        return len(self.site)
+
+    def take(self, index: IntArray | BoolArray) -> Nodes:
+        """Rows `index`."""
+        return Nodes(*(getattr(self, item.name)[index] for item in fields(self)))
+
+    @staticmethod
+    def join(*parts: Nodes) -> Nodes:
+        """All rows of all parts."""
+        return Nodes(
+            *(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Nodes))
+        )
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """Maximal stretches of a site that face one partner, in boundary order."""
+
+    site: IntArray
+    start: FloatArray
+    end: FloatArray
+    partner: IntArray
+    first: IntArray
+    last: IntArray
+    first_node: IntArray
+    last_node: IntArray
+
+
+class Topology:
+    """Builds and refines the nodes of a boundary.
+
+    Parameters
+    ----------
+    sites : Sites
+    search : BoundarySearch
+    snap : float
+        Length below which two boundary points are one, mm.
+    """
+
+    def __init__(self, sites: Sites, search: BoundarySearch, snap: float) -> None:
+        self.sites = sites
+        self.search = search
+        self.snap = snap
+        self.vertex_count = 0
+        self.contact_arc = self._contact_arcs()
+        self.nodes = self._boundary_events()
+        self.nodes = Nodes.join(self.nodes, self._samples())
+
+    # -- first nodes ------------------------------------------------------------------------------
+
+    def _contact_arcs(self) -> BoolArray:
+        """Arcs that one maximal disk touches along their whole length."""
+        sites = self.sites
+        result = np.zeros(len(sites), dtype=bool)
+        rows = np.flatnonzero((sites.kind == SiteKind.ARC) & (sites.extent[:, 1] > 0))
+        if len(rows):
+            contacts = self._disks(rows, np.full(len(rows), 0.5), rows[:, None])
+            result[rows] = contacts.osculating
+            # Arcs of one circle (a split circle, a notched one) touch one disk together.
+            loose = rows[~result[rows]]
+            if len(loose):
+                away, near, _ = self.search.nearest(sites.anchor[loose], loose[:, None])
+                same = np.hypot(*(sites.anchor[near] - sites.anchor[loose]).T) <= self.snap
+                result[loose] = same & (away >= sites.radius[loose] - self.snap)
+        return result
+
+    def _disks(self, site: IntArray, parameter: FloatArray, excluded: IntArray) -> Contacts:
+        position, normal, curvature = self.sites.frame(site, parameter)
+        return self.search.maximal_disks(position, normal, curvature, excluded)
+
+    def _boundary_events(self) -> Nodes:
+        """Events at the ends of the sites, and their images on the partners."""
+        sites = self.sites
+        before = np.arange(len(sites))
+        after = sites.following
+        corner = sites.corner_after
+        parts = [self._corner_nodes(before[corner], after[corner])]
+        smooth = np.flatnonzero(~corner)
+        if len(smooth):
+            parts.append(self._junction_nodes(smooth, after[smooth]))
+        return Nodes.join(*parts)
+
+    def _corner_nodes(self, before: IntArray, after: IntArray) -> Nodes:
+        sites = self.sites
+        vertex = self._new_vertices(len(before))
+        corner = sites.point(after, sites.low[after])
+        zero, own = np.zeros(len(before)), np.ones(len(before), dtype=bool)
+        low, high = sites.low[after], sites.high[before]
+        return Nodes.join(
+            Nodes(before, high, zero, after, after, low, vertex, corner, own),
+            Nodes(after, low, zero, before, before, high, vertex, corner, own),
+        )
+
+    def _new_vertices(self, count: int) -> IntArray:
+        result = np.arange(self.vertex_count, self.vertex_count + count)
+        self.vertex_count += count
+        return result
+
+    def _junction_nodes(self, before: IntArray, after: IntArray) -> Nodes:
+        """Smooth junctions and the ends of reflex fans: one disk, seen from both sites."""
+        sites = self.sites
+        position, normal, curvature = sites.frame(before, sites.high[before])
+        other_position, other_normal, other_curvature = sites.frame(after, sites.low[after])
+        # A fan has no curvature; its frame is exact at the corner.
+        point = sites.kind[before] == SiteKind.POINT
+        normal = np.where(point[:, None], other_normal, normal)
+        curvature = np.maximum(curvature, other_curvature)
+        contacts = self.search.maximal_disks(
+            position, normal, curvature, np.stack([before, after], axis=1)
+        )
+        held = self.contact_arc[before] | self.contact_arc[after]
+        ends = contacts.osculating | held
+        radius = contacts.radius.copy()
+        for arc in (before, after):
+            rows = self.contact_arc[arc]
+            radius[rows] = np.minimum(radius[rows], sites.radius[arc[rows]])
+        centre = position + radius[:, None] * normal
+        for arc in (before, after):
+            rows = self.contact_arc[arc]
+            centre[rows] = sites.anchor[arc[rows]]
+        vertex = self._new_vertices(len(before))
+        first, last = self._sides(contacts.partner, contacts.parameter, centre)
+        # Seen from an end, the two sites face each other; a contact arc faces itself.
+        left = np.where(ends, self._beyond(after, sites.following), last)
+        right = np.where(ends, self._beyond(before, sites.preceding), first)
+        left = np.where(self.contact_arc[before], WHOLE, left)
+        right = np.where(self.contact_arc[after], WHOLE, right)
+        mine = np.ones(len(before), dtype=bool)
+        both_low, both_high = sites.low[after], sites.high[before]
+        own = Nodes.join(
+            Nodes(
+                before, both_high, radius, left, left,
+                np.where(ends, both_low, contacts.parameter), vertex, centre, mine,
+            ),
+            Nodes(
+                after, both_low, radius, right, right,
+                np.where(ends, both_high, contacts.parameter), vertex, centre, mine,
+            ),
+        )  # fmt: skip
+        seen = ~ends
+        image = Nodes(
+            contacts.partner, contacts.parameter, radius, after, before,
+            np.full(len(before), np.nan), vertex, centre, ~mine,
+        ).take(seen)  # fmt: skip
+        image = self._snap_to_ends(image)
+        return Nodes.join(own, image)
+
+    def _beyond(self, site: IntArray, step: IntArray) -> IntArray:
+        """First site from `site` on that is no contact arc."""
+        for _ in range(len(self.sites)):
+            held = self.contact_arc[site]
+            if not held.any():
+                break
+            site = np.where(held, step[site], site)
+        return site
+
+    def _snap_to_ends(self, nodes: Nodes) -> Nodes:
+        """Move contacts within the snap length of an end of their site onto it."""
+        sites = self.sites
+        speed = np.maximum(sites.speed(nodes.site, nodes.parameter, nodes.radius), 1e-300)
+        parameter = nodes.parameter.copy()
+        for end in (sites.low[nodes.site], sites.high[nodes.site]):
+            near = np.abs(parameter - end) * speed <= self.snap
+            parameter = np.where(near, end, parameter)
+        return replace(nodes, parameter=parameter)
+
+    def _sides(
+        self, partner: IntArray, parameter: FloatArray, centre: FloatArray
+    ) -> tuple[IntArray, IntArray]:
+        """Partners just after and just before a node: they differ where its contact is a junction.
+
+        Along the boundary the contact on the other side runs backwards: before the node the
+        partner is the later of the two sites that meet there.
+        """
+        sites = self.sites
+        safe = np.maximum(partner, 0)
+        where = np.where(partner >= 0, parameter, sites.low[safe])
+        delta = centre - sites.point(safe, where)
+        speed = np.maximum(sites.speed(safe, where, np.hypot(delta[:, 0], delta[:, 1])), 1e-300)
+        at_low = (np.abs(where - sites.low[safe]) * speed <= self.snap) & (partner >= 0)
+        at_high = (np.abs(where - sites.high[safe]) * speed <= self.snap) & (partner >= 0)
+        before, after = partner.copy(), partner.copy()
+        # `after`: the partner after the node, i.e. the earlier site.
+        low_ok = at_low & ~sites.corner_after[sites.preceding[safe]]
+        high_ok = at_high & ~sites.corner_after[safe]
+        after = np.where(low_ok, sites.preceding[safe], after)
+        before = np.where(high_ok, sites.following[safe], before)
+        return after, before
+
+    def _samples(self) -> Nodes:
+        search = self.search
+        keep = ~self.contact_arc[search.site]
+        return self.plain_nodes(search.site[keep], search.parameter[keep])
+
+    def plain_nodes(self, site: IntArray, parameter: FloatArray) -> Nodes:
+        """Nodes at boundary points, with their images on the partners."""
+        position, normal, curvature = self.sites.frame(site, parameter)
+        contacts = self.search.maximal_disks(position, normal, curvature, site[:, None])
+        # No partner: the point lies within rounding of an end, which its site's ends carry.
+        known = contacts.partner >= 0
+        site, parameter = site[known], parameter[known]
+        radius, partner = contacts.radius[known], contacts.partner[known]
+        facing = contacts.parameter[known]
+        centre = position[known] + radius[:, None] * normal[known]
+        after, before = self._sides(partner, facing, centre)
+        # A node whose contact is a junction says nothing new: that junction has its own disk.
+        plain = after == before
+        none = np.full(len(site), -1, dtype=np.int64)
+        inner = np.zeros(len(site), dtype=bool)
+        own = Nodes(
+            site, parameter, radius, partner, partner, facing, none, centre, inner
+        ).take(plain)
+        # Contacts on a contact arc belong to its disk.
+        free = plain & ~self.contact_arc[partner]
+        image = Nodes(
+            partner, facing, radius, site, site, parameter, none, centre, inner
+        ).take(free)
+        return Nodes.join(own, image)
+
+    # -- refinement -------------------------------------------------------------------------------
+
+    def resolve(self, rounds: int = 60) -> None:
+        """Solve all changes of partner between neighbouring nodes, until none is left open."""
+        for _ in range(rounds):
+            self._sort()
+            rows = self._open()
+            if not len(rows):
+                return
+            self._solve(rows)
+        self._sort()
+        rows = self._open()
+        if not len(rows):
+            return
+        place = self.nodes.centre[rows[0]] + self.sites.origin
+        raise GeometryError("the contacts of the boundary do not settle", place=tuple(place))
+
+    def _sort(self) -> None:
+        """Order by site and parameter; own ends of a site come outermost among equals."""
+        nodes = self.nodes
+        at_low = nodes.parameter <= self.sites.low[nodes.site]
+        outermost = np.where(nodes.own, np.where(at_low, -1, 1), 0)
+        self.nodes = nodes.take(np.lexsort((outermost, nodes.parameter, nodes.site)))
+
+    def _open(self) -> IntArray:
+        """Rows whose right partner differs from the left partner of the next row of the site.
+
+        Where the two rows are one point, the change of partner is an event right there.
+        """
+        nodes = self.nodes
+        same = nodes.site[1:] == nodes.site[:-1]
+        differ = nodes.right[:-1] != nodes.left[1:]
+        rows = np.flatnonzero(same & differ)
+        gap = nodes.parameter[rows + 1] - nodes.parameter[rows]
+        speed = self.sites.speed(nodes.site[rows], nodes.parameter[rows], nodes.radius[rows])
+        wide = gap * speed > self.snap
+        close = rows[~wide]
+        if len(close):
+            event = nodes.take(close)
+            event = replace(
+                event,
+                own=np.zeros(len(close), dtype=bool),
+                left=nodes.right[close],
+                right=nodes.left[close + 1],
+                vertex=self._new_vertices(len(close)),
+            )
+            order = np.argsort(
+                np.concatenate([np.arange(len(nodes)), close + 0.5]), kind="stable"
+            )
+            self.nodes = Nodes.join(nodes, event).take(order)
+            # Rows move up by the events that were put in before them.
+            rows = rows[wide] + np.searchsorted(close, rows[wide])
+            return rows
+        return rows[wide]
+
+    def _solve(self, rows: IntArray) -> None:
+        nodes = self.nodes
+        site = nodes.site[rows]
+        one, other = nodes.right[rows], nodes.left[rows + 1]
+        # A contact arc's disk is no rival of others: its neighbours' labels are exact.
+        usable = (one >= 0) & (other >= 0)
+        if not usable.all():
+            bad = rows[~usable][0]
+            place = nodes.centre[bad] + self.sites.origin
+            raise GeometryError("a contact arc is interrupted", place=tuple(place))
+        parameter, radius, facing = self._crossing(rows, one, other)
+        position, normal, curvature = self.sites.frame(site, parameter)
+        contacts = self.search.maximal_disks(position, normal, curvature, site[:, None])
+        slack = self.snap * 0.1 + 1e-13 * self.sites.size
+        known = contacts.partner >= 0
+        third = known & (contacts.radius < radius - slack)
+        third &= (contacts.partner != one) & (contacts.partner != other)
+        branch = ~third
+        centre = position + radius[:, None] * normal
+        vertex = np.full(len(rows), -1, dtype=np.int64)
+        vertex[branch] = self._new_vertices(int(branch.sum()))
+        inner = np.zeros(len(rows), dtype=bool)
+        events = Nodes(
+            site, parameter, radius, one, other, facing, vertex, centre, inner
+        ).take(branch)
+        parts = [nodes, events]
+        if third.any():
+            parts.append(self.plain_nodes(site[third], parameter[third]))
+        self.nodes = Nodes.join(*parts)
+
+    def _crossing(
+        self, rows: IntArray, one: IntArray, other: IntArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Where the disks to two partners have equal radii between two nodes (Illinois method)."""
+        nodes = self.nodes
+        site = nodes.site[rows]
+        left, right = nodes.parameter[rows].copy(), nodes.parameter[rows + 1].copy()
+        hint_one, hint_other = nodes.facing[rows].copy(), nodes.facing[rows + 1].copy()
+        low = self._difference(site, left, one, other, hint_one, hint_other, nodes.radius[rows], 1)
+        high = self._difference(
+            site, right, one, other, hint_one, hint_other, nodes.radius[rows + 1], 2
+        )
+        value_left = np.minimum(low[0], 0.0)
+        value_right = np.maximum(high[0], 0.0)
+        weight_left, weight_right = value_left.copy(), value_right.copy()
+        last = np.zeros(len(rows), dtype=np.int64)
+        middle = 0.5 * (left + right)
+        radius = np.full(len(rows), np.nan)
+        facing = np.full(len(rows), np.nan)
+        active = np.arange(len(rows))
+        for step in range(80):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                new = left[active] + (right - left)[active] * (
+                    weight_left[active] / (weight_left[active] - weight_right[active])
+                )
+            half = 0.5 * (left[active] + right[active])
+            inside = (new > left[active]) & (new < right[active]) & (step % 4 != 3)
+            new = np.where(inside, new, half)
+            value, rho, where = self._difference(
+                site[active], new, one[active], other[active],
+                hint_one[active], hint_other[active], None, 0,
+            )  # fmt: skip
+            middle[active], radius[active], facing[active] = new, rho, where
+            negative = value < 0
+            left[active] = np.where(negative, new, left[active])
+            right[active] = np.where(negative, right[active], new)
+            # Illinois: halve the weight of an end that stays twice.
+            stay_right = negative & (last[active] == 1)
+            stay_left = ~negative & (last[active] == -1)
+            weight_right[active] = np.where(stay_right, 0.5, 1.0) * weight_right[active]
+            weight_left[active] = np.where(stay_left, 0.5, 1.0) * weight_left[active]
+            weight_left[active] = np.where(negative, value, weight_left[active])
+            weight_right[active] = np.where(negative, weight_right[active], value)
+            last[active] = np.where(negative, 1, -1)
+            width = right[active] - left[active]
+            done = (width <= 4e-16 * (1 + np.abs(new))) | (np.abs(value) <= 2e-16)
+            active = active[~done]
+            if not len(active):
+                break
+        # Equal radii are not met where a partner vanishes: fall back to the finite one.
+        bad = ~np.isfinite(radius)
+        radius[bad] = np.minimum(nodes.radius[rows], nodes.radius[rows + 1])[bad]
+        return middle, radius, facing
+
+    def _difference(
+        self,
+        site: IntArray,
+        parameter: FloatArray,
+        one: IntArray,
+        other: IntArray,
+        hint_one: FloatArray,
+        hint_other: FloatArray,
+        known: FloatArray | None,
+        side: int,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(r1 - r2) / (r1 + r2), the smaller radius and the contact on the first partner.
+
+        At a node the radius to its own partner is known (`side` 1 or 2) and used, since at ends
+        (A) is 0 / 0.
+        """
+        position, normal, _ = self.sites.frame(site, parameter)
+        where, first = self.sites.contact(one, position, normal, hint_one)
+        _, second = self.sites.contact(other, position, normal, hint_other)
+        if known is not None:
+            first = known if side == 1 else first
+            second = known if side == 2 else second
+        with np.errstate(invalid="ignore"):
+            value = (first - second) / (first + second)
+        value = np.where(np.isinf(first) & np.isfinite(second), 1.0, value)
+        value = np.where(np.isfinite(first) & np.isinf(second), -1.0, value)
+        value = np.where(np.isnan(value), 0.0, value)
+        return value, np.minimum(first, second), where
+
+    # -- intervals --------------------------------------------------------------------------------
+
+    def intervals(self) -> Intervals:
+        """Stretches between events; plain nodes have served."""
+        nodes = self.nodes
+        events = np.flatnonzero(nodes.vertex >= 0)
+        site = nodes.site[events]
+        pair = np.flatnonzero(site[1:] == site[:-1])
+        first, last = events[pair], events[pair + 1]
+        return Intervals(
+            site=nodes.site[first],
+            start=nodes.parameter[first],
+            end=nodes.parameter[last],
+            partner=nodes.right[first],
+            first=nodes.vertex[first],
+            last=nodes.vertex[last],
+            first_node=first,
+            last_node=last,
+        )

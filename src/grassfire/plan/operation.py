@@ -1,0 +1,323 @@
+"""One operation over all its regions: the pockets, their order, and what cannot be reached."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from grassfire.errors import PlanningError
+from grassfire.job import Job, Operation, Tool
+from grassfire.medial import MedialAxis
+from grassfire.plan.depth import pass_floors
+from grassfire.plan.feeds import Feeds, entry_feed
+from grassfire.plan.offset import OffsetSettings, PocketPlan
+from grassfire.plan.reach import Reach, reach
+from grassfire.plan.rings import MOST_SPACING, Component, components, ring_distances
+from grassfire.plan.strokes import Emitter, Levels
+from grassfire.report import Finding, Severity
+from grassfire.toolpath import FloatArray, Toolpath, ToolpathBuilder
+
+FIT = 2e-4
+"""How far a pocket may be too narrow for the tool and still count as just wide enough, mm."""
+
+WALL_FIT = 0.35
+"""Part of the job's tolerance for the fit of wall rings; the rest is for rounding in the text."""
+
+ABOVE_FLOOR = 0.5
+"""How far above the floor of the pass before a descent starts, mm."""
+
+CROSS_NECKS = True
+"""Whether lobes are linked by a cut through the neck between them rather than by a new entry."""
+
+SMALLEST_RING = 0.02
+"""Rings of a smaller extent are points to a controller: only a plunge can enter there, mm."""
+
+
+@dataclass(frozen=True)
+class PlannedOperation:
+    """Moves of one operation and what was noticed.
+
+    Attributes
+    ----------
+    toolpath : Toolpath
+        From an unknown place at clearance height (or from the start that was given) to
+        clearance height.
+    findings : tuple of Finding
+    reachable_area, unreachable_area : float
+        Of all regions, mm^2, within 0.01 mm times their perimeter's length and better.
+    """
+
+    toolpath: Toolpath
+    findings: tuple[Finding, ...]
+    reachable_area: float
+    unreachable_area: float
+
+
+@dataclass(frozen=True)
+class _Pocket:
+    """One connected set of tool positions."""
+
+    region: int
+    root: int
+    axis: MedialAxis
+    parts: tuple[Component, ...]
+
+
+def plan_operation(
+    axes: Sequence[MedialAxis],
+    operation: Operation,
+    tool: Tool,
+    job: Job,
+    start: Sequence[float] | None = None,
+) -> PlannedOperation:
+    """Plan an operation.
+
+    Parameters
+    ----------
+    axes : sequence of MedialAxis
+        One for each region.
+    operation, tool, job : Operation, Tool, Job
+    start : (x, y) or (x, y, z), optional
+        Where the tool is before, mm; unknown by default.
+
+    Returns
+    -------
+    PlannedOperation
+
+    Raises
+    ------
+    PlanningError
+        If the tool fits into no region, or nothing is left to cut.
+    """
+    findings: list[Finding] = []
+    wall = tool.radius + operation.radial_allowance - FIT
+    spacing = _spacing(operation, tool, findings)
+    floors = pass_floors(
+        job.stock.top, operation.depth, operation.stepdown, operation.axial_allowance
+    )
+    pockets = _pockets(axes, operation, tool, job, wall, spacing, findings)
+    levels = _levels(job)
+    feeds = _feeds(operation, tool)
+    step = job.stock.top - float(floors[0])
+    settings = _settings(operation, tool, levels, feeds, wall, spacing, step)
+    builder = ToolpathBuilder(_start(start, levels))
+    _machine(pockets, settings, Emitter(builder, levels, feeds), floors)
+    reached = [reach(axis.region, wall) for axis in axes]
+    findings += _unreached(reached, tool, operation)
+    return PlannedOperation(
+        builder.build(),
+        tuple(findings),
+        sum(item.reachable for item in reached),
+        sum(item.unreachable for item in reached),
+    )
+
+
+def _spacing(operation: Operation, tool: Tool, findings: list[Finding]) -> float:
+    """Distance between rings: the stepover, bounded by what the next ring clears, mm."""
+    asked = operation.stepover_fraction * tool.diameter
+    most = MOST_SPACING * tool.radius
+    if asked > most + 1e-12 and operation.stepover_fraction > 0.5:
+        findings.append(
+            Finding(
+                Severity.WARNING,
+                "stepover-bounded",
+                f"a stepover of {asked:.6g} mm could leave stock where rings meet in corners; "
+                f"rings are {most:.6g} mm apart",
+                size=most,
+            )
+        )
+    return min(asked, most)
+
+
+def _levels(job: Job) -> Levels:
+    return Levels(
+        top=job.stock.top,
+        retract=job.retract_height,
+        clearance=job.clearance_height,
+        above_floor=ABOVE_FLOOR,
+        rapid=job.machine.rapid,
+    )
+
+
+def _feeds(operation: Operation, tool: Tool) -> Feeds:
+    return Feeds(
+        cut=tool.feed,
+        link=operation.link_feed or tool.feed,
+        entry=entry_feed(tool.feed, tool.plunge_feed, operation.ramp_angle_radians),
+        plunge=tool.plunge_feed,
+        tool_radius=tool.radius,
+        inside=1 if operation.direction == "climb" else -1,
+    )
+
+
+def _settings(
+    operation: Operation,
+    tool: Tool,
+    levels: Levels,
+    feeds: Feeds,
+    wall: float,
+    spacing: float,
+    step: float,
+) -> OffsetSettings:
+    # a retract costs its way up and down at rapid speed and about a second of starts and stops
+    retract = (2 * (levels.retract - levels.top) + 2 * step) / levels.rapid + 1.0 / 60
+    drop = step + levels.entry_height(levels.top) - levels.top
+    descent = drop / math.sin(operation.ramp_angle_radians) / feeds.entry
+    return OffsetSettings(
+        tool_radius=tool.radius,
+        wall=wall,
+        spacing=spacing,
+        entry=operation.entry,
+        slope=operation.ramp_angle_radians,
+        drop=drop,
+        climb=operation.direction == "climb",
+        finish=operation.finish_pass,
+        fast_links=feeds.link > feeds.cut,
+        cross_necks=CROSS_NECKS,
+        longest_walk=retract * feeds.link,
+        longest_entry_walk=(retract + descent) * min(feeds.link, feeds.cut),
+    )
+
+
+def _start(start: Sequence[float] | None, levels: Levels) -> tuple[float, float, float]:
+    if start is None:
+        return (math.nan, math.nan, levels.clearance)
+    height = float(start[2]) if len(start) > 2 else levels.clearance
+    return (float(start[0]), float(start[1]), height)
+
+
+def _pockets(
+    axes: Sequence[MedialAxis],
+    operation: Operation,
+    tool: Tool,
+    job: Job,
+    wall: float,
+    spacing: float,
+    findings: list[Finding],
+) -> list[_Pocket]:
+    """All pockets of all regions that the tool fits into."""
+    pockets: list[_Pocket] = []
+    widest: tuple[float, FloatArray] | None = None
+    for number, axis in enumerate(axes):
+        centre, radius = axis.largest_disk()
+        if widest is None or radius > widest[0]:
+            widest = (float(radius), np.asarray(centre))
+        if radius < wall:
+            findings.append(_misfit(axis, float(radius), np.asarray(centre), operation, tool))
+            continue
+        parts = components(
+            axis,
+            ring_distances(wall, spacing, float(radius)),
+            spacing,
+            tool.radius,
+            job.tolerance * WALL_FIT,
+            operation.direction == "climb",
+        )
+        roots = [index for index, part in enumerate(parts) if part.level == 0]
+        for root in roots:
+            if operation.entry != "plunge" and _is_point(parts[root]):
+                findings.append(_needs_plunge(parts[root], tool))
+            else:
+                pockets.append(_Pocket(number, root, axis, parts))
+    if not pockets:
+        raise _nothing_fits(widest, findings, operation, tool)
+    return pockets
+
+
+def _is_point(part: Component) -> bool:
+    return not part.children and max(ring.extent for ring in part.rings) < SMALLEST_RING
+
+
+def _place(point: FloatArray) -> tuple[float, float]:
+    return (float(point[0]), float(point[1]))
+
+
+def _misfit(
+    axis: MedialAxis, radius: float, centre: FloatArray, operation: Operation, tool: Tool
+) -> Finding:
+    largest = 2 * (radius - operation.radial_allowance)
+    return Finding(
+        Severity.WARNING,
+        "tool-too-large",
+        f"tool {tool.number} ({tool.diameter:g} mm) does not fit into this region of "
+        f"{axis.region.area:.6g} mm2; the largest that does has {max(largest, 0.0):.6g} mm",
+        place=_place(centre),
+        size=float(axis.region.area),
+    )
+
+
+def _needs_plunge(part: Component, tool: Tool) -> Finding:
+    return Finding(
+        Severity.WARNING,
+        "needs-plunge",
+        f"a place as wide as tool {tool.number} has no room for a helix or ramp and is left; "
+        'entry = "plunge" machines it',
+        place=_place(part.peak),
+        size=2 * part.peak_radius,
+    )
+
+
+def _nothing_fits(
+    widest: tuple[float, FloatArray] | None,
+    findings: Sequence[Finding],
+    operation: Operation,
+    tool: Tool,
+) -> PlanningError:
+    if widest is None:
+        return PlanningError("the operation has no region", remedy="check layers")
+    if any(finding.code == "needs-plunge" for finding in findings):
+        return PlanningError(
+            f"tool {tool.number} ({tool.diameter:g} mm) can only plunge into the pockets, which "
+            "are as wide as it",
+            place=_place(widest[1]),
+            remedy='set entry = "plunge" or take a smaller tool',
+        )
+    largest = max(2 * (widest[0] - operation.radial_allowance), 0.0)
+    allowance = f" with {operation.radial_allowance:g} mm allowance"
+    return PlanningError(
+        f"tool {tool.number} ({tool.diameter:g} mm) fits nowhere"
+        + (allowance if operation.radial_allowance else ""),
+        place=_place(widest[1]),
+        remedy=f"the largest tool that fits has {math.floor(largest * 1e4) / 1e4:.6g} mm, there",
+    )
+
+
+def _machine(
+    pockets: Sequence[_Pocket], settings: OffsetSettings, emitter: Emitter, floors: FloatArray
+) -> None:
+    """Each pocket to its full depth, the nearest next; ends at clearance height."""
+    left = list(pockets)
+    region = -1
+    while left:
+        here = emitter.place
+        known = bool(np.all(np.isfinite(here)))
+        gaps = [
+            float(np.hypot(*(item.parts[item.root].peak - here))) if known else 0.0 for item in left
+        ]
+        pocket = left.pop(int(np.argmin(gaps)))
+        plan = PocketPlan(pocket.axis, pocket.parts, pocket.root, settings)
+        plan.plan(here if known else pocket.parts[pocket.root].peak)
+        height = emitter.levels.retract if pocket.region == region else emitter.levels.clearance
+        emitter.travel(plan.strokes[0].path.start, height)
+        emitter.passes(plan.strokes, plan.finish, floors)
+        region = pocket.region
+    emitter.travel(emitter.place, emitter.levels.clearance)
+
+
+def _unreached(reached: Sequence[Reach], tool: Tool, operation: Operation) -> list[Finding]:
+    """One finding for each region with stock that the tool cannot reach."""
+    return [
+        Finding(
+            Severity.INFO,
+            "unreachable",
+            f"tool {tool.number} cannot reach {item.unreachable:.6g} mm2 of {item.area:.6g} mm2; "
+            f"the largest piece, {item.largest:.6g} mm2, is here",
+            place=item.place,
+            size=item.unreachable,
+        )
+        for item in reached
+        if item.place is not None and item.reachable > 0
+    ]

@@ -1,0 +1,373 @@
+"""Chains of lines and arcs in the plane as columns, the form in which rings are linked and cut."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grassfire.geometry import Arc, Line, Loop, fit_arcs
+from grassfire.toolpath import FloatArray
+
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+
+_FULL_TURN = 2 * np.pi
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """Nearest point of a chain: arc length along it, the point and how far away it is, mm."""
+
+    along: float
+    point: FloatArray
+    distance: float
+
+
+@dataclass(frozen=True)
+class Path:
+    """Connected lines and circular arcs; closed where the last point is the first.
+
+    Attributes
+    ----------
+    points : (n + 1, 2) float array
+        Ends of the pieces, mm.
+    centre : (n, 2) float array
+        Centre of each arc, mm; NaN for lines.
+    sweep : (n,) float array
+        Signed sweep of each arc, radians, counter-clockwise positive; 0 for lines.
+    """
+
+    points: FloatArray
+    centre: FloatArray
+    sweep: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.sweep)
+
+    @property
+    def start(self) -> FloatArray:
+        """(2,) first point, mm."""
+        return np.asarray(self.points[0])
+
+    @property
+    def end(self) -> FloatArray:
+        """(2,) last point, mm."""
+        return np.asarray(self.points[-1])
+
+    @cached_property
+    def is_arc(self) -> BoolArray:
+        """(n,) whether each piece is an arc."""
+        return np.asarray(self.sweep != 0.0)
+
+    @cached_property
+    def radius(self) -> FloatArray:
+        """(n,) radius of each arc, mm; infinite for lines."""
+        offset = self.points[:-1] - self.centre
+        return np.where(self.is_arc, np.hypot(offset[:, 0], offset[:, 1]), np.inf)
+
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """(n,) length of each piece, mm."""
+        chord = np.diff(self.points, axis=0)
+        straight = np.hypot(chord[:, 0], chord[:, 1])
+        round_ = np.where(self.is_arc, self.radius, 0.0) * np.abs(self.sweep)
+        return np.where(self.is_arc, round_, straight)
+
+    @cached_property
+    def cumulative(self) -> FloatArray:
+        """(n + 1,) arc length at each point, mm."""
+        return np.concatenate([[0.0], np.cumsum(self.lengths)])
+
+    @property
+    def length(self) -> float:
+        """Total length, mm."""
+        return float(self.cumulative[-1])
+
+    @property
+    def closed(self) -> bool:
+        """Whether the chain ends where it starts."""
+        return bool(np.all(self.points[0] == self.points[-1])) and len(self) > 0
+
+    @cached_property
+    def extent(self) -> float:
+        """Larger side of the bounding box of the sampled chain, mm."""
+        sampled = self.at(np.linspace(0.0, self.length, 4 * len(self) + 1))
+        corners = np.concatenate([sampled, self.points])
+        return float(np.max(corners.max(axis=0) - corners.min(axis=0)))
+
+    def reversed(self) -> Path:
+        """The same chain travelled the other way."""
+        return Path(self.points[::-1], self.centre[::-1], -self.sweep[::-1])
+
+    def _locate(self, along: FloatArray) -> tuple[IntArray, FloatArray]:
+        inside = np.clip(along, 0.0, self.length)
+        piece = np.searchsorted(self.cumulative, inside, side="right") - 1
+        piece = np.clip(piece, 0, len(self) - 1)
+        size = np.maximum(self.lengths[piece], 1e-300)
+        return piece, np.clip((inside - self.cumulative[piece]) / size, 0.0, 1.0)
+
+    def _evaluate(self, piece: IntArray, fraction: FloatArray) -> FloatArray:
+        begin, end = self.points[piece], self.points[piece + 1]
+        straight = begin + (end - begin) * fraction[..., None]
+        angle = self.sweep[piece] * fraction
+        offset = begin - self.centre[piece]
+        cos, sin = np.cos(angle), np.sin(angle)
+        turned = np.stack(
+            [
+                cos * offset[..., 0] - sin * offset[..., 1],
+                sin * offset[..., 0] + cos * offset[..., 1],
+            ],
+            axis=-1,
+        )
+        round_ = self.centre[piece] + turned
+        exact = np.where(self.is_arc[piece][..., None], round_, straight)
+        return np.where((fraction >= 1.0)[..., None], end, exact)
+
+    def at(self, along: FloatArray) -> FloatArray:
+        """(m, 2) points at arc lengths `along` (m,), mm."""
+        piece, fraction = self._locate(np.asarray(along, dtype=np.float64))
+        return self._evaluate(piece, fraction)
+
+    def tangent(self, along: float) -> FloatArray:
+        """(2,) unit direction of travel at arc length `along`."""
+        located, fraction = self._locate(np.array([along]))
+        piece = int(located[0])
+        if not self.is_arc[piece]:
+            chord = self.points[piece + 1] - self.points[piece]
+            return np.asarray(chord / np.hypot(chord[0], chord[1]))
+        offset = self._evaluate(located, fraction)[0] - self.centre[piece]
+        normal = offset / np.hypot(offset[0], offset[1])
+        turn = np.sign(self.sweep[piece])
+        return np.array([-normal[1] * turn, normal[0] * turn])
+
+    def slice(self, start: float, stop: float) -> Path:
+        """The part between two arc lengths, 0 <= start < stop <= length, mm."""
+        located, fraction = self._locate(np.array([start, stop]))
+        first, last = int(located[0]), int(located[1])
+        if fraction[1] == 0.0 and last > first:
+            last, fraction[1] = last - 1, 1.0
+        ends = self._evaluate(np.array([first, last]), fraction)
+        inner = self.points[first + 1 : last + 1]
+        share = np.ones(last - first + 1)
+        share[-1] = fraction[1]
+        share[0] -= fraction[0]
+        return Path(
+            np.concatenate([ends[:1], inner, ends[1:]]),
+            self.centre[first : last + 1],
+            self.sweep[first : last + 1] * share,
+        )
+
+    def started_at(self, along: float, snap: float = 1e-3) -> Path:
+        """A closed chain begun at another place; a joint within `snap` mm is taken instead."""
+        joint = int(np.argmin(np.abs(self.cumulative - along)))
+        if abs(self.cumulative[joint] - along) <= snap:
+            along = float(self.cumulative[joint])
+        if along <= 0.0 or along >= self.length:
+            return self
+        if len(self) == 1 and abs(abs(self.sweep[0]) - _FULL_TURN) < 1e-12:
+            place = self.at(np.array([along]))
+            return Path(np.concatenate([place, place]), self.centre, self.sweep)
+        return join(self.slice(along, self.length), self.slice(0.0, along))
+
+    def nearest(self, point: FloatArray) -> Nearest:
+        """Nearest point of the chain to `point` (2,)."""
+        fraction, distance = nearest_on_pieces(
+            self.points[:-1], self.points[1:], self.centre, self.sweep, point
+        )
+        best = int(np.argmin(distance))
+        place = self._evaluate(np.array([best]), fraction[best : best + 1])[0]
+        along = float(self.cumulative[best] + fraction[best] * self.lengths[best])
+        return Nearest(along, place, float(distance[best]))
+
+    def sample(self, step: float) -> tuple[FloatArray, FloatArray]:
+        """Points (m, 2) and arc lengths (m,) at most `step` mm apart, joints included."""
+        count = np.maximum(1, np.ceil(self.lengths / step)).astype(np.int64)
+        piece = np.repeat(np.arange(len(self)), count)
+        first = np.repeat(np.cumsum(count) - count, count)
+        fraction = (np.arange(len(piece)) - first) / count[piece]
+        points = self._evaluate(piece, fraction)
+        along = self.cumulative[piece] + fraction * self.lengths[piece]
+        return np.concatenate([points, self.points[-1:]]), np.append(along, self.length)
+
+
+def nearest_on_pieces(
+    start: FloatArray, end: FloatArray, centre: FloatArray, sweep: FloatArray, point: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Nearest place of each of n lines and arcs to one point.
+
+    Returns
+    -------
+    fraction : (n,) float array
+        Where along each piece, in [0, 1].
+    distance : (n,) float array
+        How far from `point`, mm.
+    """
+    chord = end - start
+    size = np.maximum(np.sum(chord * chord, axis=1), 1e-300)
+    fraction = np.clip(np.sum((point - start) * chord, axis=1) / size, 0.0, 1.0)
+    foot = start + chord * fraction[:, None] - point
+    distance = np.hypot(foot[:, 0], foot[:, 1])
+    arc = np.flatnonzero(sweep)
+    if len(arc):
+        offset, towards = start[arc] - centre[arc], point - centre[arc]
+        radius = np.hypot(offset[:, 0], offset[:, 1])
+        turn = np.arctan2(
+            offset[:, 0] * towards[:, 1] - offset[:, 1] * towards[:, 0],
+            np.sum(offset * towards, axis=1),
+        )
+        size_arc = np.abs(sweep[arc])
+        swept = np.mod(turn * np.sign(sweep[arc]), _FULL_TURN)
+        on_arc = swept <= size_arc
+        to_start = np.hypot(*(start[arc] - point).T)
+        to_end = np.hypot(*(end[arc] - point).T)
+        near_end = np.where(to_end < to_start, 1.0, 0.0)
+        fraction[arc] = np.where(on_arc, swept / size_arc, near_end)
+        gap = np.abs(np.hypot(towards[:, 0], towards[:, 1]) - radius)
+        distance[arc] = np.where(on_arc, gap, np.minimum(to_start, to_end))
+    return fraction, distance
+
+
+def join(*paths: Path) -> Path:
+    """Chains laid end to end; each must start where the one before ends."""
+    points = [paths[0].points] + [path.points[1:] for path in paths[1:]]
+    return Path(
+        np.concatenate(points),
+        np.concatenate([path.centre for path in paths]),
+        np.concatenate([path.sweep for path in paths]),
+    )
+
+
+def segment(start: FloatArray, end: FloatArray) -> Path:
+    """One straight piece."""
+    return Path(np.stack([start, end]), np.full((1, 2), np.nan), np.zeros(1))
+
+
+def circle(centre: FloatArray, start: FloatArray, turn: float) -> Path:
+    """A full turn about `centre` from `start`; `turn` > 0 is counter-clockwise."""
+    return Path(
+        np.stack([start, start]), np.array([centre]), np.array([np.copysign(_FULL_TURN, turn)])
+    )
+
+
+def repeat(path: Path, count: int) -> Path:
+    """A closed chain travelled `count` times."""
+    return join(*([path] * count))
+
+
+def from_loop(loop: Loop, fit_tolerance: float, shortest: float = 1e-4) -> Path:
+    """A loop as lines and arcs.
+
+    Parameters
+    ----------
+    loop : Loop
+        Closed; lines and arcs are kept, other curves fitted.
+    fit_tolerance : float
+        How far a fitted arc may lie from its curve, mm.
+    shortest : float
+        Pieces shorter than this are merged into their neighbours, which moves the chain by less
+        than as much, mm.
+    """
+    starts: list[FloatArray] = []
+    pieces: list[Line | Arc] = []
+    for curve in loop.curves:
+        own = [curve] if isinstance(curve, Line | Arc) else fit_arcs(curve, fit_tolerance)
+        pieces += own
+        starts += [curve.start] + [piece.start for piece in own[1:]]
+    return tidy(_from_pieces(starts, pieces), shortest)
+
+
+def _from_pieces(starts: Sequence[FloatArray], pieces: Sequence[Line | Arc]) -> Path:
+    """Closed chain through `starts`; arcs whose own ends differ from these are moved onto them."""
+    points = np.array([*starts, starts[0]], dtype=np.float64)
+    centre = np.full((len(pieces), 2), np.nan)
+    sweep = np.zeros(len(pieces))
+    for index, piece in enumerate(pieces):
+        if isinstance(piece, Arc):
+            centre[index] = piece.centre
+            sweep[index] = piece.sweep
+    return _recentred(Path(points, centre, sweep))
+
+
+def tidy(path: Path, shortest: float = 1e-4) -> Path:
+    """A closed chain without pieces shorter than `shortest` mm, equal neighbours made one.
+
+    A chain shorter than `shortest` in all stays as it is. Arcs whose ends moved get the centre on
+    the bisector of their new chord that is nearest to the old one.
+    """
+    if path.length <= 4 * shortest:
+        return path
+    while True:
+        short = path.lengths < shortest
+        if not short.any() or len(path) < 3:
+            break
+        # of neighbouring short pieces only every other one is dropped at a time: the rest grows
+        drop = short & ~np.roll(short, 1)
+        if not drop.any():
+            drop[::2] = True
+        keep = ~drop
+        # a kept piece starts where the dropped one before it started
+        start = np.where(
+            np.roll(drop, 1)[:, None], np.roll(path.points[:-1], 1, axis=0), path.points[:-1]
+        )
+        kept = start[keep]
+        points = np.concatenate([kept, kept[:1]])
+        path = _recentred(Path(points, path.centre[keep], path.sweep[keep]))
+    return _merged(path)
+
+
+def _recentred(path: Path) -> Path:
+    """Centres moved onto the bisectors of the chords, so that both radii of an arc agree."""
+    chord = np.diff(path.points, axis=0)
+    size = np.hypot(chord[:, 0], chord[:, 1])
+    usable = path.is_arc & (size > 1e-9)
+    safe = np.maximum(size, 1e-300)[:, None]
+    middle = (path.points[:-1] + path.points[1:]) / 2
+    along = chord / safe
+    slip = np.sum((path.centre - middle) * along, axis=1)
+    centre = np.where(usable[:, None], path.centre - along * slip[:, None], path.centre)
+    first, last = path.points[:-1] - centre, path.points[1:] - centre
+    turn = np.arctan2(
+        first[:, 0] * last[:, 1] - first[:, 1] * last[:, 0], np.sum(first * last, axis=1)
+    )
+    whole = np.round((path.sweep - turn) / _FULL_TURN) * _FULL_TURN
+    sweep = np.where(usable, turn + whole, path.sweep)
+    return Path(path.points, centre, sweep)
+
+
+def _merged(path: Path, angular: float = 1e-8, tolerance: float = 1e-7) -> Path:
+    """Collinear neighbours and arcs of one circle made one piece each (closed chain)."""
+    count = len(path)
+    if count < 2:
+        return path
+    chord = np.diff(path.points, axis=0)
+    size = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), 1e-300)
+    unit = chord / size[:, None]
+    before = np.roll(unit, 1, axis=0)
+    bend = np.abs(unit[:, 0] * before[:, 1] - unit[:, 1] * before[:, 0])
+    ahead = np.sum(unit * before, axis=1) > 0
+    arc, arc_before = path.is_arc, np.roll(path.is_arc, 1)
+    same_line = ~arc & ~arc_before & ahead & (bend <= angular)
+    gap = path.centre - np.roll(path.centre, 1, axis=0)
+    same_circle = arc & arc_before & (np.sign(path.sweep) == np.sign(np.roll(path.sweep, 1)))
+    same_circle &= np.nan_to_num(np.hypot(gap[:, 0], gap[:, 1]), nan=np.inf) <= tolerance
+    same_circle &= (
+        np.abs(np.where(arc, path.radius, 0) - np.where(arc_before, np.roll(path.radius, 1), 0))
+        <= tolerance
+    )
+    starts = np.flatnonzero(~(same_line | same_circle))
+    if len(starts) == count:
+        return path
+    if not len(starts):
+        if not arc.all():
+            return path
+        sweep = np.array([np.copysign(_FULL_TURN, path.sweep[0])])
+        return Path(path.points[[0, 0]], path.centre[:1], sweep)
+    order = np.roll(np.arange(count), -int(starts[0]))
+    runs = starts - starts[0]
+    sweep = np.add.reduceat(path.sweep[order], runs)
+    begin = path.points[starts]
+    return Path(np.concatenate([begin, begin[:1]]), path.centre[starts], sweep)

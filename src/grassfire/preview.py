@@ -1,0 +1,530 @@
+"""Pictures of programs and of medial axes, as SVG text with deterministic numbers.
+
+A program is drawn from what was read back from its text, never from the plan, so that the picture
+shows what the machine will do. Coordinates in the drawing are millimetres with y pointing up,
+turned over while they are written because y points down in SVG.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from xml.sax.saxutils import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grassfire.toolpath import MoveKind, Program, Role, Section, Toolpath
+
+FloatArray = NDArray[np.float64]
+
+_PAPER = "#ffffff"
+_INK = "#22262b"
+_STOCK = "#f2c9a1"
+_FLOOR = "#e9eef2"
+_SHALLOW = (127, 190, 235)
+_DEEP = (10, 44, 110)
+_LEGEND_WIDTH = 190.0
+_MARGIN = 24.0
+_FONT = 'font-family="DejaVu Sans, Helvetica, Arial, sans-serif"'
+_LEVEL_STEP = 1e-3
+_LEGEND_LEVELS = 12
+
+_ROLE_COLOUR = {
+    Role.RAPID: "#d62728",
+    Role.LINK: "#d99a00",
+    Role.LEAD: "#0b9a8d",
+    Role.ENTRY: "#8e3fb0",
+    Role.FINISH: "#17803d",
+}
+_ROLE_WORDS = {
+    Role.FINISH: "wall pass",
+    Role.LEAD: "lead in and out",
+    Role.ENTRY: "entry",
+    Role.LINK: "link in cleared area",
+    Role.RAPID: "rapid",
+}
+
+
+def _number(value: float, digits: int = 3) -> str:
+    """Fixed decimals without trailing zeros and without a negative zero."""
+    text = f"{value:.{digits}f}"
+    if "." in text:
+        text = text.rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text
+
+
+def _mix(share: float) -> str:
+    """Colour between shallow (0) and deep (1)."""
+    mixed = (round(a + (b - a) * share) for a, b in zip(_SHALLOW, _DEEP, strict=True))
+    return "#" + "".join(f"{value:02x}" for value in mixed)
+
+
+@dataclass
+class _Canvas:
+    """Maps millimetres to pixels and collects elements."""
+
+    bounds: tuple[float, float, float, float]
+    width: float
+    elements: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        x0, y0, x1, y1 = self.bounds
+        room = self.width - _LEGEND_WIDTH - 2 * _MARGIN
+        # A tall part gets a narrower picture rather than one that runs off the screen.
+        self.scale = min(room / max(x1 - x0, 1e-9), 1.2 * room / max(y1 - y0, 1e-9))
+        self.drawing_height = (y1 - y0) * self.scale
+        self.top = _MARGIN + 26.0
+
+    def x(self, value: float) -> float:
+        return _MARGIN + (value - self.bounds[0]) * self.scale
+
+    def y(self, value: float) -> float:
+        return self.top + (self.bounds[3] - value) * self.scale
+
+    def at(self, x: float, y: float) -> str:
+        """Point in mm as SVG coordinates."""
+        return f"{_number(self.x(x), 2)} {_number(self.y(y), 2)}"
+
+    def polygon(self, points: FloatArray) -> str:
+        """Path data of a closed polyline in mm."""
+        return "M" + "L".join(self.at(x, y) for x, y in points.tolist()) + "Z"
+
+    def path(self, data: str, stroke: str, width: float, extra: str = "") -> None:
+        if data:
+            self.elements.append(
+                f'<path d="{data}" fill="none" stroke="{stroke}" '
+                f'stroke-width="{_number(width, 2)}"{" " + extra if extra else ""}/>'
+            )
+
+    def text(self, x: float, y: float, words: str, size: float = 12, extra: str = "") -> None:
+        self.elements.append(
+            f'<text x="{_number(x, 1)}" y="{_number(y, 1)}" font-size="{_number(size)}" '
+            f'fill="{_INK}"{" " + extra if extra else ""}>{escape(words)}</text>'
+        )
+
+    def render(self, title: str, legend_height: float) -> str:
+        height = self.top + max(self.drawing_height + 46.0, legend_height) + _MARGIN
+        drawn = (self.bounds[2] - self.bounds[0]) * self.scale
+        width = drawn + 2 * _MARGIN + _LEGEND_WIDTH
+        head = (
+            f'<svg xmlns="http://www.w3.org/2000/svg" width="{_number(width, 0)}" '
+            f'height="{_number(height, 0)}" '
+            f'viewBox="0 0 {_number(width, 0)} {_number(height, 0)}" {_FONT}>'
+        )
+        # Rapids from far away must not run across the legend.
+        frame = (
+            f'<clipPath id="drawing"><rect x="{_number(_MARGIN, 2)}" y="{_number(self.top, 2)}" '
+            f'width="{_number(drawn, 2)}" height="{_number(self.drawing_height, 2)}"/></clipPath>'
+        )
+        back = f'{frame}<rect width="100%" height="100%" fill="{_PAPER}"/>'
+        lines = [head, f"<title>{escape(title)}</title>", back, *self.elements, "</svg>"]
+        return "\n".join(lines) + "\n"
+
+
+def _scale_bar(canvas: _Canvas) -> None:
+    """A bar of 1, 2 or 5 times a power of ten mm, about a fifth of the drawing wide."""
+    target = (canvas.bounds[2] - canvas.bounds[0]) / 5
+    power = 10.0 ** math.floor(math.log10(max(target, 1e-6)))
+    length = power * max(step for step in (1, 2, 5) if step * power <= target * (1 + 1e-9))
+    x, y = _MARGIN, canvas.top + canvas.drawing_height + 26.0
+    end = x + length * canvas.scale
+    canvas.path(f"M{_number(x, 2)} {_number(y - 4, 2)}v8m0 -4H{_number(end, 2)}m0 -4v8", _INK, 1.2)
+    canvas.text(end + 8, y + 4, f"{length:g} mm", 12)
+
+
+def _bounds(points: Iterable[FloatArray], pad: float) -> tuple[float, float, float, float]:
+    stacked = np.concatenate([np.zeros((0, 2)), *points])
+    stacked = stacked[np.all(np.isfinite(stacked), axis=1)]
+    if len(stacked) == 0:
+        stacked = np.zeros((1, 2))
+    low, high = stacked.min(axis=0), stacked.max(axis=0)
+    pad = max(pad, 0.02 * float(np.max(high - low)), 0.5)
+    return (
+        float(low[0]) - pad,
+        float(low[1]) - pad,
+        float(high[0]) + pad,
+        float(high[1]) + pad,
+    )
+
+
+def _move_points(path: Toolpath) -> FloatArray:
+    """(m, 2) ends of the moves that cut, and the sides of the circles of arcs among them."""
+    cutting = path.kind != MoveKind.RAPID
+    arcs = path.is_arc
+    centre = path.centre[arcs]
+    # Only quarter points that the arc really passes would be tight; a sixteenth of the sweep is.
+    radius = np.hypot(*(path.begin[arcs, :2] - centre).T)
+    first = path.begin[arcs, :2] - centre
+    angle = np.arctan2(first[:, 1], first[:, 0])[:, None]
+    angles = angle + path.sweep[arcs][:, None] * np.linspace(0.0, 1.0, 17)
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=-1) * radius[:, None, None]
+    on_arcs = (ring + centre[:, None, :]).reshape(-1, 2)
+    return np.concatenate([path.begin[cutting, :2], path.end[cutting, :2], on_arcs])
+
+
+class _Tracer:
+    """Writes moves of one style as the data of one path, joined where they meet."""
+
+    def __init__(self, canvas: _Canvas) -> None:
+        self.canvas = canvas
+        self.parts: list[str] = []
+        self.position: tuple[float, float] | None = None
+
+    def move(
+        self,
+        begin: tuple[float, float],
+        end: tuple[float, float],
+        centre: tuple[float, float] | None,
+        sweep: float,
+    ) -> None:
+        """Append one move in mm; an arc if `centre` is given."""
+        if self.position != begin:
+            self.parts.append("M" + self.canvas.at(*begin))
+        self.position = end
+        if centre is None:
+            self.parts.append("L" + self.canvas.at(*end))
+            return
+        # One SVG arc cannot draw a full turn, and near one its centre is badly conditioned.
+        pieces = 1 if abs(sweep) < 0.9 * math.pi else 3
+        radius = math.hypot(begin[0] - centre[0], begin[1] - centre[1])
+        start = math.atan2(begin[1] - centre[1], begin[0] - centre[0])
+        size = _number(radius * self.canvas.scale, 2)
+        flag = 0 if sweep > 0 else 1
+        for index in range(1, pieces + 1):
+            angle = start + sweep * index / pieces
+            target = (
+                end
+                if index == pieces
+                else (centre[0] + radius * math.cos(angle), centre[1] + radius * math.sin(angle))
+            )
+            self.parts.append(f"A{size} {size} 0 0 {flag} {self.canvas.at(*target)}")
+
+    @property
+    def data(self) -> str:
+        return "".join(self.parts)
+
+
+def _floors(section: Section) -> list[float]:
+    """Heights of the floors that a section cuts, highest first.
+
+    Links just above a floor are flat, too: a height counts if a tenth as much is cut there as on
+    the busiest one.
+    """
+    path = section.toolpath
+    flat = np.isin(path.role, [Role.CUT, Role.FINISH, Role.LEAD])
+    flat &= np.abs(path.end[:, 2] - path.begin[:, 2]) < _LEVEL_STEP
+    flat &= np.isfinite(path.length)
+    steps, owner = np.unique(
+        np.round(path.end[flat, 2] / _LEVEL_STEP).astype(int), return_inverse=True
+    )
+    if len(steps) == 0:
+        return []
+    lengths = np.bincount(owner, weights=path.length[flat])
+    busy = steps[lengths >= 0.1 * lengths.max()]
+    return [value * _LEVEL_STEP for value in busy.tolist()[::-1]]
+
+
+def _levels(sections: Sequence[Section]) -> list[float]:
+    """Heights of all floors, highest first."""
+    return sorted({height for section in sections for height in _floors(section)}, reverse=True)
+
+
+def _layer(role: int, height: float, levels: Sequence[float]) -> tuple[int, int]:
+    """Drawing order of a move: rapids, links, cuts from the top down, wall, leads, entries."""
+    if role == Role.CUT:
+        nearest = min(range(len(levels)), key=lambda i: abs(levels[i] - height), default=0)
+        return (2, nearest)
+    order = {Role.RAPID: 0, Role.LINK: 1, Role.FINISH: 3, Role.LEAD: 4, Role.ENTRY: 5}
+    return (order[Role(role)], 0)
+
+
+def _trace(
+    canvas: _Canvas, section: Section, levels: Sequence[float]
+) -> dict[tuple[int, int], _Tracer]:
+    """Path data of a section by layer; also layer (-1, 0): the sweep of the tool on the floor."""
+    path = section.toolpath
+    traces: dict[tuple[int, int], _Tracer] = {}
+    begin, end = path.begin, path.end
+    floor = levels[-1] if levels else -math.inf
+    section_floor = float(np.nanmin(end[:, 2])) if len(path) else floor
+    sweep = path.sweep
+    wide = _diameter(section) > 0
+    known = np.all(np.isfinite(begin[:, :2]), axis=1) & np.all(np.isfinite(end[:, :2]), axis=1)
+    moving = known & (np.any(begin[:, :2] != end[:, :2], axis=1) | path.is_arc)
+    for index in np.flatnonzero(moving).tolist():
+        first = (float(begin[index, 0]), float(begin[index, 1]))
+        last = (float(end[index, 0]), float(end[index, 1]))
+        is_arc = path.kind[index] >= MoveKind.ARC_CW
+        centre = (float(path.centre[index, 0]), float(path.centre[index, 1])) if is_arc else None
+        height = float(end[index, 2])
+        targets = [_layer(int(path.role[index]), height, levels)]
+        if (
+            wide
+            and path.kind[index] != MoveKind.RAPID
+            and abs(height - section_floor) < _LEVEL_STEP
+        ):
+            targets.append((-1, 0))
+        for target in targets:
+            tracer = traces.setdefault(target, _Tracer(canvas))
+            tracer.move(first, last, centre, float(sweep[index]))
+    return traces
+
+
+def _diameter(section: Section) -> float:
+    """Tool diameter, mm; 0 where the program does not tell."""
+    return section.tool_diameter if math.isfinite(section.tool_diameter) else 0.0
+
+
+def _entry_points(section: Section) -> list[tuple[float, float]]:
+    """Where the tool starts to go down into the stock."""
+    path = section.toolpath
+    entering = path.role == Role.ENTRY
+    first = entering & ~np.concatenate([[False], entering[:-1]])
+    points = path.begin[first, :2]
+    return sorted({(float(x), float(y)) for x, y in points.tolist() if math.isfinite(x + y)})
+
+
+def _draw_traces(
+    canvas: _Canvas,
+    sections: Sequence[Section],
+    traces: Sequence[dict[tuple[int, int], _Tracer]],
+    levels: Sequence[float],
+) -> None:
+    """Strokes in drawing order; upper floors are wider so that they show beside deeper ones."""
+    round_ends = 'stroke-linecap="round" stroke-linejoin="round"'
+    for section, layers in zip(sections, traces, strict=True):
+        if (-1, 0) in layers:
+            canvas.path(layers[(-1, 0)].data, _FLOOR, _diameter(section) * canvas.scale, round_ends)
+    keys = sorted({key for layers in traces for key in layers if key[0] >= 0})
+    roles = {0: Role.RAPID, 1: Role.LINK, 3: Role.FINISH, 4: Role.LEAD, 5: Role.ENTRY}
+    for key in keys:
+        for section, layers in zip(sections, traces, strict=True):
+            if key not in layers:
+                continue
+            thin = min(1.4, max(0.35, 0.06 * _diameter(section) * canvas.scale))
+            if key[0] == 2:
+                below = sum(1 for other in layers if other[0] == 2 and other[1] > key[1])
+                width = thin * (1.0 + 1.6 * min(below, 3))
+                canvas.path(layers[key].data, _level_colour(key[1], levels), width, round_ends)
+            elif key[0] == 0:
+                canvas.path(
+                    layers[key].data, _ROLE_COLOUR[Role.RAPID], 0.8, 'stroke-dasharray="5 4"'
+                )
+            else:
+                colour = _ROLE_COLOUR[roles[key[0]]]
+                canvas.path(layers[key].data, colour, thin * 1.15, round_ends)
+
+
+def _level_colour(index: int, levels: Sequence[float]) -> str:
+    return _mix(1.0 if len(levels) < 2 else index / (len(levels) - 1))
+
+
+def _legend(
+    canvas: _Canvas,
+    rows: Sequence[tuple[str, str]],
+    title: str,
+    notes: Sequence[str],
+) -> float:
+    """Swatch and words per row, right of the drawing; the height it takes, px.
+
+    A swatch is a colour, or "dash" / "fill" / "ring" and a colour.
+    """
+    left = 2 * _MARGIN + (canvas.bounds[2] - canvas.bounds[0]) * canvas.scale
+    canvas.text(_MARGIN, _MARGIN + 6, title, 16, 'font-weight="bold"')
+    y = canvas.top + 10
+    for swatch, words in rows:
+        kind, _, colour = swatch.rpartition(" ")
+        if kind == "fill":
+            canvas.elements.append(
+                f'<rect x="{_number(left, 1)}" y="{_number(y - 9, 1)}" width="26" height="10" '
+                f'fill="{colour}" stroke="{_INK}" stroke-width="0.5"/>'
+            )
+        elif kind == "ring":
+            canvas.elements.append(
+                f'<circle cx="{_number(left + 13, 1)}" cy="{_number(y - 4, 1)}" r="3.5" '
+                f'fill="{_PAPER}" stroke="{colour}" stroke-width="1.4"/>'
+            )
+        else:
+            dash = 'stroke-dasharray="5 4"' if kind == "dash" else ""
+            canvas.path(
+                f"M{_number(left, 1)} {_number(y - 4, 1)}h26", colour, 1.2 if dash else 2.4, dash
+            )
+        canvas.text(left + 34, y, words)
+        y += 19
+    y += 8
+    for note in notes:
+        canvas.text(left, y, note, 11)
+        y += 16
+    return y - canvas.top
+
+
+def _program_legend(
+    traces: Sequence[dict[tuple[int, int], _Tracer]],
+    levels: Sequence[float],
+    walls: bool,
+) -> list[tuple[str, str]]:
+    """Legend rows of what is in the picture, and of nothing else."""
+    present = {key[0] for layers in traces for key in layers}
+    rows: list[tuple[str, str]] = []
+    if walls:
+        rows += [(_INK, "pocket wall"), (f"fill {_STOCK}", "left standing")]
+    if -1 in present:
+        rows.append((f"fill {_FLOOR}", "cut to the floor"))
+    cut = sorted({key[1] for layers in traces for key in layers if key[0] == 2})
+    if len(cut) > _LEGEND_LEVELS:
+        picks = np.unique(np.linspace(0, len(cut) - 1, _LEGEND_LEVELS).round().astype(int))
+        cut = [cut[index] for index in picks.tolist()]
+    rows += [
+        (_level_colour(index, levels), f"cut at z {_number(levels[index])} mm")
+        for index in cut
+        if levels
+    ]
+    order = {Role.FINISH: 3, Role.LEAD: 4, Role.LINK: 1, Role.ENTRY: 5, Role.RAPID: 0}
+    for role, layer in order.items():
+        if layer in present:
+            dash = "dash " if role == Role.RAPID else ""
+            rows.append((f"{dash}{_ROLE_COLOUR[role]}", _ROLE_WORDS[role]))
+    return rows
+
+
+def _fill_walls(canvas: _Canvas, walls: Sequence[FloatArray], colour: str) -> None:
+    data = "".join(canvas.polygon(wall) for wall in walls)
+    if data:
+        canvas.elements.append(f'<path d="{data}" fill="{colour}" fill-rule="evenodd"/>')
+
+
+def svg(
+    program: Program,
+    walls: Sequence[FloatArray] = (),
+    *,
+    title: str | None = None,
+    width: float = 1000.0,
+) -> str:
+    """Draw a program from above.
+
+    Parameters
+    ----------
+    program : Program
+        As read back from the text, mm.
+    walls : sequence of (n, 2) arrays
+        Closed boundaries of the pockets, mm: outer ones and islands in any order.
+    title : str, optional
+        Heading; the name of the program by default.
+    width : float
+        Greatest width of the picture in pixels; it is less where a part is tall.
+
+    Returns
+    -------
+    str
+        SVG text; the same for the same input, byte by byte.
+    """
+    sections = [section for section in program.sections if len(section.toolpath)]
+    widest = max((_diameter(section) for section in sections), default=0.0)
+    paths = [_move_points(section.toolpath) for section in sections]
+    canvas = _Canvas(_bounds([*walls, *paths], 0.0 if walls else widest / 2), width)
+    levels = _levels(sections)
+    traces = [_trace(canvas, section, levels) for section in sections]
+    _fill_walls(canvas, walls, _STOCK)
+    canvas.elements.append('<g clip-path="url(#drawing)">')
+    _draw_traces(canvas, sections, traces, levels)
+    canvas.elements.append("</g>")
+    for wall in walls:
+        canvas.path(canvas.polygon(wall), _INK, 1.3, 'stroke-linejoin="round"')
+    rows = _program_legend(traces, levels, bool(walls))
+    points = [point for section in sections for point in _entry_points(section)]
+    for x, y in points:
+        canvas.elements.append(
+            f'<circle cx="{_number(canvas.x(x), 2)}" cy="{_number(canvas.y(y), 2)}" r="3" '
+            f'fill="{_PAPER}" stroke="{_ROLE_COLOUR[Role.ENTRY]}" stroke-width="1.4"/>'
+        )
+    if points:
+        rows.append((f"ring {_ROLE_COLOUR[Role.ENTRY]}", "tool goes down here"))
+    tools = {section.tool_number: _diameter(section) for section in sections}
+    notes = [
+        f"T{number}" + (f", {_number(size)} mm" if size > 0 else "")
+        for number, size in sorted(tools.items())
+    ]
+    name = program.name if title is None else title
+    height = _legend(canvas, rows, name, notes)
+    _scale_bar(canvas)
+    return canvas.render(name, height)
+
+
+def _bezier_points(control: FloatArray, count: int = 33) -> FloatArray:
+    """(count, k) points of a polynomial Bezier by de Casteljau's algorithm, all t at once."""
+    parameter = np.linspace(0.0, 1.0, count)[:, None, None]
+    points = np.broadcast_to(control, (count, *control.shape))
+    while points.shape[1] > 1:
+        points = (1.0 - parameter) * points[:, :-1] + parameter * points[:, 1:]
+    return np.asarray(points[:, 0])
+
+
+def axis_svg(
+    walls: Sequence[FloatArray],
+    regions: Sequence[Mapping[str, object]],
+    *,
+    title: str = "medial axis",
+    width: float = 1000.0,
+) -> str:
+    """Draw medial axes: walls, edges, vertices and the disks at branch points.
+
+    Parameters
+    ----------
+    walls : sequence of (n, 2) arrays
+        Closed boundaries, mm.
+    regions : sequence of mappings
+        Entries of "regions" as ``grassfire mat --json`` writes them.
+    title, width
+        As for `svg`.
+    """
+    canvas = _Canvas(_bounds(walls, 0.0), width)
+    _fill_walls(canvas, walls, _FLOOR)
+    for wall in walls:
+        canvas.path(canvas.polygon(wall), _INK, 1.3, 'stroke-linejoin="round"')
+    vertices = [vertex for region in regions for vertex in _mappings(region["vertices"])]
+    edges = [edge for region in regions for edge in _mappings(region["edges"])]
+    deep, shade = _mix(1.0), _mix(0.35)
+    for vertex in vertices:
+        if vertex["kind"] == "branch" or not edges:
+            canvas.elements.append(_circle(canvas, vertex, None, shade))
+    data = "".join(
+        "M" + "L".join(canvas.at(x, y) for x, y in _bezier_points(points).tolist())
+        for points in (np.asarray(edge["control_points"], dtype=np.float64) for edge in edges)
+    )
+    canvas.path(data, deep, 1.6, 'stroke-linecap="round" stroke-linejoin="round"')
+    colours = {
+        "branch": _ROLE_COLOUR[Role.RAPID],
+        "end": _ROLE_COLOUR[Role.ENTRY],
+        "corner": _ROLE_COLOUR[Role.FINISH],
+        "joint": _ROLE_COLOUR[Role.LINK],
+    }
+    for vertex in vertices:
+        canvas.elements.append(_circle(canvas, vertex, 2.6, colours[str(vertex["kind"])]))
+    kinds = {str(vertex["kind"]) for vertex in vertices}
+    rows = [(_INK, "wall"), (deep, "medial axis")]
+    if "branch" in kinds or not edges:
+        rows.append((shade, "largest disk there"))
+    rows += [(f"ring {colour}", kind) for kind, colour in colours.items() if kind in kinds]
+    height = _legend(canvas, rows, title, [f"{len(vertices)} vertices, {len(edges)} edges"])
+    _scale_bar(canvas)
+    return canvas.render(title, height)
+
+
+def _mappings(value: object) -> Sequence[Mapping[str, object]]:
+    assert isinstance(value, Sequence)
+    return value
+
+
+def _circle(
+    canvas: _Canvas, vertex: Mapping[str, object], pixels: float | None, colour: str
+) -> str:
+    """A marker of `pixels`, or the disk of the vertex where that is None."""
+    x, y, radius = (float(str(vertex[key])) for key in ("x", "y", "r"))
+    size = radius * canvas.scale if pixels is None else pixels
+    return (
+        f'<circle cx="{_number(canvas.x(x), 2)}" cy="{_number(canvas.y(y), 2)}" '
+        f'r="{_number(size, 2)}" fill="{"none" if pixels is None else _PAPER}" '
+        f'stroke="{colour}" stroke-width="{"0.8" if pixels is None else "1.5"}"/>'
+    )
