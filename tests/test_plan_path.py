@@ -169,6 +169,54 @@ def test_ways_are_judged_one_by_one() -> None:
     assert link.paths_clear(Disk(10.0), [], 4.0).tolist() == []
 
 
+@settings(max_examples=200)
+@given(*(st.floats(-1, 1) for _ in range(4)))
+def test_a_straight_way_crosses_a_ring_where_it_changes_sides(
+    x0: float, y0: float, x1: float, y1: float
+) -> None:
+    start, end = np.array([5 + 12 * x0, 6 * y0]), np.array([5 + 12 * x1, 6 * y1])
+    if np.hypot(*(end - start)) < 1e-2:
+        return
+    way = segment(start, end).sample(1e-2)[0]
+    # distance from the core line of the stadium
+    depth = 3 - np.hypot(way[:, 0] - np.clip(way[:, 0], 0, 10), way[:, 1])
+    hit = bool(link.RingSet([stadium(10, 3)]).crossed(start[None], end[None])[0])
+    if np.any(np.abs(depth) < 2e-2) and not (depth.max() > 2e-2 and depth.min() < -2e-2):
+        return  # within a sample of touching
+    assert hit == bool(depth.max() > 0 > depth.min())
+
+
+def test_a_chord_between_places_of_a_ring_is_inside_only_where_the_region_is() -> None:
+    disk = Disk(10.0)
+    ring = circle(np.zeros(2), np.array([6.0, 0.0]), 1)
+    inside = link.Interior(disk, [ring], 4.0)
+    starts = np.array([[6.0, 0.0], [6.0, 0.0], [6.0, 0.0]])
+    ends = np.array([[-6.0, 0.0], [0.0, 6.0], [8.0, 0.0]])
+    assert inside.holds(starts, ends).tolist() == [True, True, False]
+
+
+def test_crossings_are_places_of_both_rings_nearest_first() -> None:
+    one, other = stadium(10, 3), circle(np.array([5.0, 8.0]), np.array([7.0, 8.0]), 1)
+    pairs = link.crossings(one, other)
+    assert pairs.distance[0] == pytest.approx(3.0, abs=0.01)
+    assert np.allclose(one.at(pairs.from_along), pairs.starts)
+    assert np.allclose(other.at(pairs.to_along), pairs.ends)
+    assert np.allclose(np.hypot(*(pairs.ends - pairs.starts).T), pairs.distance)
+    assert np.all(link.walked(one, pairs.from_along) <= one.length / 2)
+
+
+def test_the_nearest_rings_that_are_left_come_first() -> None:
+    rings = [circle(np.array([x, 0.0]), np.array([x + 1.0, 0.0]), 1) for x in (0.0, 5.0, 10.0)]
+    several = link.RingSet(rings)
+    point = np.array([6.5, 0.0])
+    assert [place.ring for place in several.nearest_left(point, 3)] == [1, 2, 0]
+    several.left[1] = False
+    place = several.nearest_left(point)[0]
+    assert place.ring == 2
+    assert place.nearest.distance == pytest.approx(2.5)
+    assert np.allclose(place.nearest.point, [9.0, 0.0])
+
+
 def test_the_shorter_way_round_is_walked() -> None:
     ring = stadium(10, 3)
     ahead = link.walk(ring, 5.0)

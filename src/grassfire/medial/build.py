@@ -57,7 +57,7 @@ class _Columns:
 
 
 def build_sites(
-    region: Region, smooth_angle: float = 1e-10
+    region: Region, smooth_angle: float = 1e-9
 ) -> tuple[Sites, tuple[Bezier, ...]]:
     """Sites of a region, and the Bezier curves that its spirals are pieces of.
 

@@ -211,10 +211,12 @@ def _interpolate(
     degree = np.zeros(count, dtype=np.int64)
     error = np.full(count, np.inf)
     coefficients: list[FloatArray] = [np.zeros((0, 3))] * count
+    # Where the partner is out of reach the edge is not what the graph says: left open.
+    finite = np.isfinite(disks).all(axis=(1, 2))
     sorted_fraction = both[order]
     position = np.flatnonzero(np.isin(order, np.arange(top + 1)))
     for trial in DEGREES:
-        open_rows = np.flatnonzero(degree == 0)
+        open_rows = np.flatnonzero((degree == 0) & finite)
         if not len(open_rows):
             break
         nodes = position[:: top // trial]
@@ -222,9 +224,7 @@ def _interpolate(
         table = inverse @ disks[open_rows][:, nodes]
         table[:, 0], table[:, -1] = first[open_rows], last[open_rows]
         fitted = bernstein_matrix(trial, sorted_fraction) @ table
-        with np.errstate(invalid="ignore"):
-            deviation = np.abs(fitted - disks[open_rows]).max(axis=(1, 2))
-        deviation = np.where(np.isfinite(deviation), deviation, np.inf)
+        deviation = np.abs(fitted - disks[open_rows]).max(axis=(1, 2))
         good = deviation <= tolerance
         degree[open_rows[good]] = trial
         error[open_rows] = np.minimum(error[open_rows], deviation)

@@ -20,6 +20,13 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
+# At flat corners only a sliver next to the end can be touched: the grid crowds towards both ends.
+_CROWD = 10.0 ** np.arange(-8, -1)
+_CONTACT_GRID = np.concatenate(
+    [[0.0], _CROWD, np.linspace(0.0, 1.0, 15)[1:-1], 1 - _CROWD[::-1], [1.0]]
+)
+
+
 class SiteKind(IntEnum):
     """Geometry of a site."""
 
@@ -185,6 +192,11 @@ class Sites:
             parameter[rows], radius[rows] = self._contact_spiral(
                 target[rows], position[rows], normal[rows], hint[rows]
             )
+        # The point itself, met as the end of a neighbouring site, is no second contact.
+        rows = np.flatnonzero(radius < 1e-6 * self.size)
+        if len(rows):
+            chord = self.point(target[rows], parameter[rows]) - position[rows]
+            radius[rows[np.hypot(chord[:, 0], chord[:, 1]) <= 1e-12 * self.size]] = np.inf
         return parameter, radius
 
     def _contact_line(
@@ -318,7 +330,7 @@ class Sites:
         self, target: IntArray, position: FloatArray, normal: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         low, high = self.low[target], self.high[target]
-        fraction = np.linspace(0.0, 1.0, 17)
+        fraction = _CONTACT_GRID
         grid = low[:, None] + (high - low)[:, None] * fraction
         grid[:, -1] = high
         count, width = grid.shape
@@ -329,7 +341,8 @@ class Sites:
         rows = np.arange(count)
         left = grid[rows, np.maximum(best - 1, 0)]
         right = grid[rows, np.minimum(best + 1, width - 1)]
-        parameter = grid[rows, best]
+        sample = grid[rows, best]
+        parameter = sample.copy()
         radius = rho[rows, best]
         active = np.flatnonzero(np.isfinite(radius))
         for _ in range(60):
@@ -339,13 +352,14 @@ class Sites:
             slope, curve, current = self._stationarity(
                 target[active], position[active], normal[active], value
             )
-            # Where no disk exists the minimum lies on the other side of the best sample.
-            rising = slope > 0
+            # Where no disk exists the minimum lies towards the best sample.
+            rising = np.where(np.isfinite(current), slope > 0, value > sample[active])
             right[active] = np.where(rising, value, right[active])
             left[active] = np.where(rising, left[active], value)
             with np.errstate(divide="ignore", invalid="ignore"):
                 new = value - slope / curve
             inside = (new > left[active]) & (new < right[active]) & (curve > 0)
+            inside &= np.isfinite(current)
             new = np.where(inside, new, 0.5 * (left[active] + right[active]))
             better = current <= radius[active]
             radius[active] = np.where(better, current, radius[active])
@@ -355,7 +369,7 @@ class Sites:
         final = disk_through(self._spiral(self.bezier[target], parameter, 0)[0] - position, normal)
         sampled = rho[rows, best]
         worse = ~(final <= sampled)
-        parameter = np.where(worse, grid[rows, best], parameter)
+        parameter = np.where(worse, sample, parameter)
         return parameter, np.where(worse, sampled, final)
 
     # -- projection -------------------------------------------------------------------------------

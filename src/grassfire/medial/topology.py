@@ -95,14 +95,17 @@ class Topology:
         """Arcs that one maximal disk touches along their whole length."""
         sites = self.sites
         result = np.zeros(len(sites), dtype=bool)
-        rows = np.flatnonzero((sites.kind == SiteKind.ARC) & (sites.extent[:, 1] > 0))
+        rounded = (sites.kind == SiteKind.ARC) & (sites.extent[:, 1] > 0)
+        # At a corner, however flat, the neighbour reaches into the disk of the arc.
+        rounded &= ~sites.corner_after & ~sites.corner_after[sites.preceding]
+        rows = np.flatnonzero(rounded)
         if len(rows):
-            contacts = self._disks(rows, np.full(len(rows), 0.5), rows[:, None])
+            contacts = self._disks(rows, np.full(len(rows), 0.5), self._own(rows))
             result[rows] = contacts.osculating
             # Arcs of one circle (a split circle, a notched one) touch one disk together.
             loose = rows[~result[rows]]
             if len(loose):
-                away, near, _ = self.search.nearest(sites.anchor[loose], loose[:, None])
+                away, near, _ = self.search.nearest(sites.anchor[loose], self._own(loose))
                 same = np.hypot(*(sites.anchor[near] - sites.anchor[loose]).T) <= self.snap
                 result[loose] = same & (away >= sites.radius[loose] - self.snap)
         return result
@@ -110,6 +113,21 @@ class Topology:
     def _disks(self, site: IntArray, parameter: FloatArray, excluded: IntArray) -> Contacts:
         position, normal, curvature = self.sites.frame(site, parameter)
         return self.search.maximal_disks(position, normal, curvature, excluded)
+
+    def _own(self, site: IntArray) -> IntArray:
+        """(n, 3) sites that a disk at `site` cannot touch again: itself, and round a reflex corner.
+
+        A line or an arc and the corner at its end never share a disk of their own; (A) is 0 / 0
+        there and rounding would pretend otherwise.
+        """
+        sites = self.sites
+        plain = (sites.kind == SiteKind.LINE) | (sites.kind == SiteKind.ARC)
+        point = sites.kind == SiteKind.POINT
+        columns = [site]
+        for neighbour in (sites.preceding[site], sites.following[site]):
+            pair = (point[site] & plain[neighbour]) | (plain[site] & point[neighbour])
+            columns.append(np.where(pair, neighbour, site))
+        return np.stack(columns, axis=1)
 
     def _boundary_events(self) -> Nodes:
         """Events at the ends of the sites, and their images on the partners."""
@@ -148,9 +166,8 @@ class Topology:
         point = sites.kind[before] == SiteKind.POINT
         normal = np.where(point[:, None], other_normal, normal)
         curvature = np.maximum(curvature, other_curvature)
-        contacts = self.search.maximal_disks(
-            position, normal, curvature, np.stack([before, after], axis=1)
-        )
+        excluded = np.concatenate([self._own(before), self._own(after)], axis=1)
+        contacts = self.search.maximal_disks(position, normal, curvature, excluded)
         held = self.contact_arc[before] | self.contact_arc[after]
         ends = contacts.osculating | held
         radius = contacts.radius.copy()
@@ -235,10 +252,16 @@ class Topology:
         keep = ~self.contact_arc[search.site]
         return self.plain_nodes(search.site[keep], search.parameter[keep])
 
-    def plain_nodes(self, site: IntArray, parameter: FloatArray) -> Nodes:
-        """Nodes at boundary points, with their images on the partners."""
+    def plain_nodes(
+        self, site: IntArray, parameter: FloatArray, junctions: bool = False
+    ) -> Nodes:
+        """Nodes at boundary points, with their images on the partners.
+
+        A node whose contact is a junction is an event; as that junction has a disk of its own, it
+        is kept only where `junctions` asks for it.
+        """
         position, normal, curvature = self.sites.frame(site, parameter)
-        contacts = self.search.maximal_disks(position, normal, curvature, site[:, None])
+        contacts = self.search.maximal_disks(position, normal, curvature, self._own(site))
         # No partner: the point lies within rounding of an end, which its site's ends carry.
         known = contacts.partner >= 0
         site, parameter = site[known], parameter[known]
@@ -246,19 +269,20 @@ class Topology:
         facing = contacts.parameter[known]
         centre = position[known] + radius[:, None] * normal[known]
         after, before = self._sides(partner, facing, centre)
-        # A node whose contact is a junction says nothing new: that junction has its own disk.
         plain = after == before
         none = np.full(len(site), -1, dtype=np.int64)
         inner = np.zeros(len(site), dtype=bool)
-        own = Nodes(
-            site, parameter, radius, partner, partner, facing, none, centre, inner
-        ).take(plain)
+        own = Nodes(site, parameter, radius, partner, partner, facing, none, centre, inner)
         # Contacts on a contact arc belong to its disk.
         free = plain & ~self.contact_arc[partner]
-        image = Nodes(
-            partner, facing, radius, site, site, parameter, none, centre, inner
-        ).take(free)
-        return Nodes.join(own, image)
+        image = Nodes(partner, facing, radius, site, site, parameter, none, centre, inner)
+        parts = [own.take(plain), image.take(free)]
+        if junctions and not plain.all():
+            event = replace(
+                own, left=before, right=after, vertex=self._new_vertices(len(site))
+            )
+            parts.append(event.take(~plain))
+        return Nodes.join(*parts)
 
     # -- refinement -------------------------------------------------------------------------------
 
@@ -327,7 +351,7 @@ class Topology:
             raise GeometryError("a contact arc is interrupted", place=tuple(place))
         parameter, radius, facing = self._crossing(rows, one, other)
         position, normal, curvature = self.sites.frame(site, parameter)
-        contacts = self.search.maximal_disks(position, normal, curvature, site[:, None])
+        contacts = self.search.maximal_disks(position, normal, curvature, self._own(site))
         slack = self.snap * 0.1 + 1e-13 * self.sites.size
         known = contacts.partner >= 0
         third = known & (contacts.radius < radius - slack)
@@ -342,7 +366,7 @@ class Topology:
         ).take(branch)
         parts = [nodes, events]
         if third.any():
-            parts.append(self.plain_nodes(site[third], parameter[third]))
+            parts.append(self.plain_nodes(site[third], parameter[third], junctions=True))
         self.nodes = Nodes.join(*parts)
 
     def _crossing(

@@ -80,6 +80,11 @@ def plunge(point: FloatArray) -> Path:
     return segment(point, point)
 
 
+def smallest_lap(tool_radius: float) -> float:
+    """Length of a turn of the smallest helix that is chosen freely, mm."""
+    return 2 * math.pi * LEAST_HELIX * tool_radius
+
+
 def helix_radius(
     peak_radius: float, ring: float, wall: float, tool_radius: float, ring_length: float
 ) -> float | None:

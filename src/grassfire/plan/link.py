@@ -174,14 +174,14 @@ def _crosses_arcs(
     hit = np.zeros(len(start), dtype=bool)
     for sign in (-1.0, 1.0):
         along = (-half + sign * np.sqrt(np.maximum(root, 0.0))) / square
-        place = gap + along[..., None] * way[:, None]
+        rows, arcs = np.nonzero((root > 0) & (along > margin) & (along < 1 - margin))
+        place = gap[rows, arcs] + along[rows, arcs, None] * way[rows]
+        first = spoke[arcs]
         turn = np.arctan2(
-            spoke[None, :, 0] * place[..., 1] - spoke[None, :, 1] * place[..., 0],
-            np.sum(spoke[None] * place, axis=-1),
+            first[:, 0] * place[:, 1] - first[:, 1] * place[:, 0], np.sum(first * place, axis=1)
         )
-        swept = np.mod(turn * np.sign(sweep) + 1e-9, 2 * np.pi)
-        inside = (root > 0) & (along > margin) & (along < 1 - margin)
-        hit |= np.any(inside & (swept <= np.abs(sweep) + 2e-9), axis=1)
+        swept = np.mod(turn * np.sign(sweep[arcs]) + 1e-9, 2 * np.pi)
+        hit[rows[swept <= np.abs(sweep[arcs]) + 2e-9]] = True
     return hit
 
 
@@ -228,17 +228,15 @@ class Crossings:
     distance: FloatArray
 
 
-def crossings(from_ring: Path, to_ring: Path, step: float, count: int = 8) -> Crossings:
+def crossings(from_ring: Path, to_ring: Path, count: int = 8) -> Crossings:
     """The `count` nearest pairs of places of two rings, and as many spread over the first.
 
-    Found on samples `step` mm apart: good enough to choose where to cross, since the crossing is
-    proven afterwards.
+    Found on samples: good enough to choose where to cross, since the crossing is proven
+    afterwards.
     """
-    from scipy.spatial import cKDTree
-
-    points, along = from_ring.sample(step)
-    targets, other = to_ring.sample(step)
-    distance, nearest = cKDTree(targets).query(points)
+    points, along = from_ring.sampled
+    targets, other = to_ring.sampled
+    distance, nearest = to_ring.tree.query(points)
     order = np.argsort(distance, kind="stable")
     spread = order[np.linspace(0, len(order) - 1, count).astype(np.int64)]
     picked = np.concatenate([order[:count], spread])

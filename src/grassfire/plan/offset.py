@@ -175,7 +175,9 @@ class PocketPlan:
             return self._cross(rings, place, place.nearest.point, None)
         longest = int(np.argmax([ring.length for ring in part.rings]))
         radius = None
-        if settings.entry == "helix":
+        # down a ring shorter than the smallest helix a ramp would take laps without end
+        small = part.rings[longest].length < entry.smallest_lap(settings.tool_radius)
+        if settings.entry == "helix" or small:
             radius = entry.helix_radius(
                 part.peak_radius,
                 part.distance,
@@ -266,18 +268,24 @@ class PocketPlan:
         for place, good in zip(places, inside.holds(starts, ends), strict=True):
             if good and place.nearest.distance <= longest:
                 return None, place
-        best: tuple[float, Path | None, RingPlace] | None = None
-        for place in places:
-            ring = rings.rings[place.ring]
-            pairs = link.crossings(last, ring, self._settings.tool_radius / 2)
-            total = link.walked(last, pairs.from_along) + pairs.distance
-            good = inside.holds(pairs.starts, pairs.ends) & (total <= longest)
-            if good.any():
-                chosen = int(np.argmin(np.where(good, total, np.inf)))
-                if best is None or total[chosen] < best[0]:
-                    walk = link.walk(last, float(pairs.from_along[chosen]))
-                    best = (float(total[chosen]), walk, _place(place.ring, pairs, chosen))
-        return None if best is None else best[1:]
+        pairs = [link.crossings(last, rings.rings[place.ring]) for place in places]
+        counts = [len(item.distance) for item in pairs]
+        total = np.concatenate(
+            [link.walked(last, item.from_along) + item.distance for item in pairs]
+        )
+        good = total <= longest
+        if good.any():
+            good[good] = inside.holds(
+                np.concatenate([item.starts for item in pairs])[good],
+                np.concatenate([item.ends for item in pairs])[good],
+            )
+        if not good.any():
+            return None
+        chosen = int(np.argmin(np.where(good, total, np.inf)))
+        which = int(np.searchsorted(np.cumsum(counts), chosen, side="right"))
+        chosen -= sum(counts[:which])
+        walk = link.walk(last, float(pairs[which].from_along[chosen]))
+        return walk, _place(places[which].ring, pairs[which], chosen)
 
     def _follow(
         self,
@@ -315,9 +323,7 @@ class PocketPlan:
             return None
         ring = rings.nearest_left(goal)[0].ring
         for source in RingSet(cut).nearest_left(goal, 4):
-            pairs = link.crossings(
-                cut[source.ring], rings.rings[ring], self._settings.tool_radius / 2
-            )
+            pairs = link.crossings(cut[source.ring], rings.rings[ring])
             good = inside.holds(pairs.starts, pairs.ends)
             if good.any():
                 chosen = int(np.argmin(np.where(good, pairs.distance, np.inf)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,12 @@ from grassfire.toolpath import FloatArray
 
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+SAMPLES = 256
+"""Places on a chain among which crossings to others are looked for."""
 
 _FULL_TURN = 2 * np.pi
 
@@ -192,6 +199,18 @@ class Path:
         points = self._evaluate(piece, fraction)
         along = self.cumulative[piece] + fraction * self.lengths[piece]
         return np.concatenate([points, self.points[-1:]]), np.append(along, self.length)
+
+    @cached_property
+    def sampled(self) -> tuple[FloatArray, FloatArray]:
+        """Points and arc lengths of some `SAMPLES` places, joints included."""
+        return self.sample(max(self.length / SAMPLES, 1e-9))
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """Of the points of `sampled`, for nearest-place queries by the hundred."""
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.sampled[0])
 
 
 def nearest_on_pieces(

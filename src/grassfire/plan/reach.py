@@ -54,8 +54,8 @@ def reach(region: Region, radius: float, tolerance: float = 1e-3) -> Reach:
     opened = polygon.buffer(-fitting, quad_segs=quarter).buffer(fitting, quad_segs=quarter)
     area = float(region.area)
     rest = shapely.get_parts(polygon.difference(opened))
-    # corners of flattened walls are not pieces: thinner than the tolerance, gone by erosion
-    pieces = [piece for piece in rest if not piece.buffer(-tolerance).is_empty]
+    # what chord errors leave is thinner than four of them, and no piece
+    pieces = [piece for piece in rest if not piece.buffer(-2 * tolerance).is_empty]
     unreachable = min(area, float(sum(piece.area for piece in pieces)))
     if not pieces:
         return Reach(area, area, 0.0, 0.0, None)
