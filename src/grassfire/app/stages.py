@@ -280,42 +280,26 @@ def judged_figures(job: Job, verification: Verification) -> tuple[OperationFigur
 
 def unjudged_figures(emitted: Emitted) -> tuple[OperationFigures, ...]:
     """What can be counted without machining: moves, lengths, time, and the plan's areas."""
-    import numpy as np
-
     from grassfire.report import OperationFigures
-    from grassfire.verify.checks import below_top
-    from grassfire.verify.clock import move_times
-    from grassfire.verify.path import flatten_program
+    from grassfire.verify import count_program
 
-    job, program = emitted.job, emitted.program
-    path = flatten_program(program, _targets(job, emitted.drawings))
-    times = move_times(
-        path,
+    job = emitted.job
+    counts = count_program(
+        emitted.program,
+        _targets(job, emitted.drawings),
         rapid=job.machine.rapid,
         acceleration=job.machine.acceleration,
         junction_deviation=job.machine.junction_deviation,
+        stock_top=job.stock.top,
     )
-    length = np.nan_to_num(path.length)
-    below = below_top(path, job.stock.top)
-    rising = path.rapid & below & (path.end[:, 2] > path.begin[:, 2] + 1e-6)
-    figures = []
-    for index, (operation, plan) in enumerate(zip(job.operations, emitted.planned, strict=True)):
-        own = path.operation == index
-        feeding = own & ~path.rapid
-        figures.append(
-            OperationFigures(
-                strategy=operation.strategy,
-                tool=operation.tool,
-                name=operation.name,
-                moves=int(own.sum()),
-                lines=int((feeding & ~path.arc).sum()),
-                arcs=int((feeding & path.arc).sum()),
-                cut_length_mm=float(length[feeding & below].sum()),
-                rapid_length_mm=float(length[own & path.rapid].sum()),
-                time_s=float(times[own].sum()),
-                reachable_area_mm2=plan.reachable_area,
-                unreachable_area_mm2=plan.unreachable_area,
-                retracts=int((own & rising).sum()),
-            )
+    return tuple(
+        OperationFigures(
+            strategy=operation.strategy,
+            tool=operation.tool,
+            name=operation.name,
+            reachable_area_mm2=plan.reachable_area,
+            unreachable_area_mm2=plan.unreachable_area,
+            **vars(counts[index]),
         )
-    return tuple(figures)
+        for index, (operation, plan) in enumerate(zip(job.operations, emitted.planned, strict=True))
+    )

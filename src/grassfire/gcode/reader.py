@@ -59,7 +59,7 @@ class _State:
     feed: float = math.nan
     return_to_initial: bool = True
     wcs: str = "G54"
-    spindle_speed: float = math.nan
+    spindle_speed: float = 0.0
     spindle_on: bool = False
     tool: int = 0
     chosen_tool: int | None = None
@@ -67,6 +67,11 @@ class _State:
     operation: int = -1
     name: str = ""
     cycle: Words = field(default_factory=dict)
+
+    @property
+    def turning(self) -> float:
+        """Speed at which the spindle turns, 1/min: 0 without M3 or M4, after M5, without S."""
+        return self.spindle_speed if self.spindle_on else 0.0
 
 
 class Reader:
@@ -81,9 +86,11 @@ class Reader:
         self.sections: list[Section] = []
         self.diameters: dict[int, float] = {}
         self.findings: dict[str, str] = {}
-        # Of the section that is read: coolant that was on at any time, and whether it feeds yet.
+        # Of the section that is read: coolant that was on at any time, and the speed at which the
+        # spindle turns where it feeds, None as long as it does not; then that of its rapids counts.
         self.coolant = "off"
-        self.feeding = False
+        self.spindle: float | None = None
+        self.idle = 0.0
         self.ended = False
         self.percent_signs = 0
 
@@ -303,9 +310,7 @@ class Reader:
     def _machine(self, codes: list[str], words: Words) -> None:
         """Tool, spindle and coolant, which act before the motion of their block."""
         state = self.state
-        if "S" in words and words["S"] != state.spindle_speed:
-            if self.feeding:
-                self._close_section()
+        if "S" in words:
             state.spindle_speed = words["S"]
         if "T" in words:
             state.chosen_tool = int(words["T"])
@@ -353,6 +358,7 @@ class Reader:
         return x, y, z
 
     def _rapid(self, target: tuple[float, float, float]) -> None:
+        self.idle = self.state.turning
         # repr-equal positions, NaN included, are no move.
         for old, new in zip(self.builder.position, target, strict=True):
             if old != new and not (math.isnan(old) and math.isnan(new)):
@@ -370,13 +376,20 @@ class Reader:
         else:
             self._feed_motion(motion, words)
 
+    def _begin_feed(self) -> None:
+        """Before a feed move: where the spindle turns otherwise than before, a section begins."""
+        turning = self.state.turning
+        if self.spindle is not None and turning != self.spindle:
+            self._close_section()
+        self.spindle = turning
+        if not turning > 0:
+            self._finding("spindle", "the tool feeds while the spindle stands")
+
     def _feed_motion(self, motion: str, words: Words) -> None:
         state = self.state
-        self.feeding = True
         if not state.feed > 0:
             raise self._error(f"G{motion} without a feed", remedy="write F before")
-        if not state.spindle_on:
-            self._finding("spindle", "the tool feeds while the spindle stands")
+        self._begin_feed()
         x, y, z = self.builder.position
         target = self._target(words)
         if x != x or y != y or z != z:
@@ -487,7 +500,7 @@ class Reader:
 
     def _hole(self, places: Words, clear: float, bottom: float, initial: float) -> None:
         state = self.state
-        self.feeding = True
+        self._begin_feed()
         x, y, z = self.builder.position
         if z < clear:
             self._rapid((x, y, clear))
@@ -516,7 +529,8 @@ class Reader:
     def _close_section(self) -> None:
         """Freeze the moves so far; the next section starts where they end."""
         builder, state = self.builder, self.state
-        self.feeding = False
+        spindle = self.idle if self.spindle is None else self.spindle
+        self.spindle = None
         if not len(builder):
             self.coolant = state.coolant
             return
@@ -527,7 +541,7 @@ class Reader:
                 # Without any M6, T alone tells the tool.
                 tool_number=state.tool or state.chosen_tool or 0,
                 tool_diameter=self.diameters.get(state.tool, math.nan),
-                spindle_speed=state.spindle_speed,
+                spindle_speed=spindle,
                 operation=state.operation,
                 name=state.name,
                 coolant=self.coolant,

@@ -11,7 +11,7 @@ from grassfire.geometry.bspline import BSpline
 from grassfire.geometry.chebyshev import nodes
 from grassfire.geometry.curve import Curve, FloatArray, cross
 from grassfire.geometry.line import Line
-from grassfire.geometry.parallel import ParallelCurve, parallel
+from grassfire.geometry.parallel import ParallelCurve
 
 OVERSAMPLING = 1.5
 """A polynomial of degree d stays below 1.42 times its maximum on 2 d + 1 Chebyshev points
@@ -41,7 +41,7 @@ def simplify(curve: Curve, tolerance: float) -> Curve:
         base = simplify(curve.base.subcurve(curve.t0, curve.t1), tolerance)
         if not isinstance(base, (Line, Arc)) or np.any(curve.speed_factor(nodes(8)) <= 0.0):
             return curve
-        return parallel(base, curve.distance)
+        # Not the parallel of `base`: its normals, so its ends, differ a little from the curve's.
     line = _as_line(curve, tolerance)
     if line is not None:
         return line

@@ -276,16 +276,17 @@ def medial_axis(
     GeometryError
         When the result cannot be certified, with the place.
     """
-    sites, beziers = build_sites(region)
     if not tolerance > 0:
         raise GeometryError("the tolerance of the medial axis must be above 0")
+    smooth_angle = _smooth_angle(region, tolerance, angular_tolerance)
+    sites, beziers = build_sites(region, smooth_angle)
     samples = max(256, 2 * len(sites))
     last: GeometryError | None = None
     # Whatever the samples missed breaks the pairing or the certificate: look again, closer.
     for factor in (1, 4, 16):
         search = BoundarySearch(sites, samples * factor)
         try:
-            topology = Topology(sites, search, snap=1e-11 * sites.size)
+            topology = Topology(sites, search, 1e-11 * sites.size, smooth_angle)
             graph = build_graph(topology)
             fit = fit_edges(sites, graph, 0.25 * tolerance)
             certificate = certify(region, sites, search, graph, fit, tolerance)
@@ -298,6 +299,13 @@ def medial_axis(
         )
     assert last is not None
     raise last
+
+
+def _smooth_angle(region: Region, tolerance: float, angular_tolerance: float) -> float:
+    """Largest turn whose disks, off by r turn^2 / 2, stay well within tolerance, radians."""
+    xmin, ymin, xmax, ymax = region.bounds()
+    size = float(np.hypot(xmax - xmin, ymax - ymin))
+    return float(min(angular_tolerance, 0.3 * np.sqrt(tolerance / max(size, 1e-300))))
 
 
 def _pruned(sites: Sites, graph: Graph, fit: Fit, angular_tolerance: float) -> BoolArray:

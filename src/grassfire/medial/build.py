@@ -12,6 +12,7 @@ from grassfire.geometry import Arc, Bezier, Line, Region, simplify
 from grassfire.medial.sites import FloatArray, SiteKind, Sites, evaluate_rational
 
 _GRID = 33
+_LEAST_TURN = 1e-9
 _LARGEST_TURN = 0.5 * np.pi
 
 
@@ -57,7 +58,7 @@ class _Columns:
 
 
 def build_sites(
-    region: Region, smooth_angle: float = 1e-9
+    region: Region, smooth_angle: float = 1e-6
 ) -> tuple[Sites, tuple[Bezier, ...]]:
     """Sites of a region, and the Bezier curves that its spirals are pieces of.
 
@@ -65,8 +66,9 @@ def build_sites(
     ----------
     region : Region
     smooth_angle : float
-        Turn below which a junction is taken as tangent-continuous, radians. The error of a disk is
-        below its radius times this angle.
+        Convex turn below which a junction counts as smooth, radians. The disks next to it are
+        then off by their radius times half the square of the turn. Reflex corners have a fan
+        however small they are.
 
     Raises
     ------
@@ -84,7 +86,7 @@ def build_sites(
     heads: list[int] = []
     for loop_index, loop in enumerate(region.loops):
         heads.append(len(columns.kind))
-        turns = loop.junctions(smooth_angle).turn
+        turns = loop.junctions(_LEAST_TURN).turn
         count = len(loop.curves)
         for index, curve in enumerate(loop.curves):
             place = (loop_index, index)
@@ -169,10 +171,10 @@ def _end_curve(
     """Mark a convex corner, or add the fan of a reflex one."""
     if not columns.kind:
         return
-    if turn > smooth_angle:
-        columns.corner_after[-1] = True
+    if turn >= -_LEAST_TURN:
+        columns.corner_after[-1] = turn > smooth_angle
         columns.turn_after[-1] = turn
-    elif turn < -smooth_angle:
+    else:
         curve = loop.curves[following]  # type: ignore[attr-defined]
         corner = np.asarray(curve.start) - origin
         tangent = np.asarray(curve.tangent(0.0))

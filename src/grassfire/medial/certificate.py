@@ -164,8 +164,7 @@ def _cell_area(sites: Sites, graph: Graph, fit: Fit) -> float:
     fraction, weight = 0.5 * (node + 1), 0.5 * weight
     total = 0.0
     for span in (fit.span, fit.span.swapped()) if len(fit.degree) else ():
-        ends = np.zeros((len(span.site), 3))
-        disks, _ = evaluate_span(sites, span, fraction, (ends, ends))
+        disks, _ = evaluate_span(sites, span, fraction)
         total += _side_area(sites, span.site, span.start, span.end, disks[:, :, 2], fraction, weight)
     whole = np.flatnonzero(graph.partner == WHOLE)
     if len(whole):
@@ -173,7 +172,10 @@ def _cell_area(sites: Sites, graph: Graph, fit: Fit) -> float:
         total += _side_area(
             sites, graph.site[whole], graph.start[whole], graph.end[whole], radius, fraction, weight
         )
-    return total
+    # A convex kink that is no corner turns at once: its cells overlap by a wedge.
+    kink = ~sites.corner_after[graph.site] & (graph.end >= sites.high[graph.site])
+    turn = sites.turn_after[graph.site[kink]]
+    return total - float(np.sum(turn * graph.last_radius[kink] ** 2)) / 2
 
 
 def _side_area(

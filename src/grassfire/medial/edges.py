@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from grassfire.errors import GeometryError
+from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.graph import Graph
 from grassfire.medial.sites import FloatArray, IntArray, SiteKind, Sites
 
 DEGREES = (1, 2, 3, 4, 6, 12)
 """Nested: the Chebyshev points of each are among those of the last."""
+
+_MOST_HALVES = 4
+"""Open pieces per edge beyond which halving has stopped to help."""
 
 _PREFERENCE = {SiteKind.LINE: 0, SiteKind.SPIRAL: 1, SiteKind.ARC: 2, SiteKind.POINT: 3}
 
@@ -21,7 +25,9 @@ class Span:
     """Pieces of edges seen from both sides; one row a polynomial edge.
 
     Along row k the parameter of `site` runs from `start` to `end` (increasing), that of `partner`
-    from `facing_start` to `facing_end` (decreasing).
+    from `facing_start` to `facing_end` (decreasing). The (k, 3) disks (x, y, r) at both ends are
+    known, and (A) may be 0 / 0 there; `far_first` and `far_last` are the same disks as found from
+    the partner, which differ where the boundary has a kink too flat for a corner.
     """
 
     site: IntArray
@@ -33,17 +39,32 @@ class Span:
     first: IntArray
     last: IntArray
     edge: IntArray
+    first_disk: FloatArray
+    last_disk: FloatArray
+    far_first: FloatArray
+    far_last: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.site)
 
     def take(self, index: IntArray) -> Span:
         """Rows `index`."""
-        return Span(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+        return Span(*(getattr(self, item.name)[index] for item in fields(self)))
 
     def swapped(self) -> Span:
         """The same pieces parametrised by the other side."""
         return Span(
             self.partner, self.site, self.facing_end, self.facing_start, self.end, self.start,
             self.last, self.first, self.edge,
+            self.far_last, self.far_first, self.last_disk, self.first_disk,
         )  # fmt: skip
+
+    @staticmethod
+    def join(spans: list[Span]) -> Span:
+        """All rows of all spans."""
+        return Span(
+            *(np.concatenate([getattr(span, f.name) for span in spans]) for f in fields(Span))
+        )
 
 
 @dataclass(frozen=True)
@@ -86,6 +107,8 @@ def graph_spans(graph: Graph, sites: Sites) -> Span:
     rank, other = preference[graph.site[rows]], preference[graph.site[mate]]
     better = (rank < other) | ((rank == other) & (rows < mate))
     rows, mate = rows[better], mate[better]
+    head = np.concatenate([graph.first_centre, graph.first_radius[:, None]], axis=1)
+    tail = np.concatenate([graph.last_centre, graph.last_radius[:, None]], axis=1)
     return Span(
         site=graph.site[rows],
         partner=graph.site[mate],
@@ -96,30 +119,38 @@ def graph_spans(graph: Graph, sites: Sites) -> Span:
         first=graph.first[rows],
         last=graph.last[rows],
         edge=rows,
+        first_disk=head[rows],
+        last_disk=tail[rows],
+        far_first=tail[mate],
+        far_last=head[mate],
     )
 
 
 def evaluate_span(
-    sites: Sites, span: Span, fraction: FloatArray, ends: tuple[FloatArray, FloatArray]
+    sites: Sites, span: Span, fraction: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Exact disks (k, n, 3) as (x, y, r) at fractions of the spans, and contacts (k, n).
+    """Exact disks (k, n, 3) as (x, y, r) and contacts (k, n) at fractions of the spans.
 
-    `ends` are the (k, 3) disks at both ends, which are known and where (A) may be 0 / 0.
+    `fraction` is (n,), the same for all rows, or (k, n).
     """
-    count, width = len(span.site), len(fraction)
+    fraction = np.broadcast_to(fraction, (len(span), np.shape(fraction)[-1]))
     parameter = span.start[:, None] + (span.end - span.start)[:, None] * fraction
     hint = span.facing_start[:, None] + (span.facing_end - span.facing_start)[:, None] * fraction
-    site = np.repeat(span.site, width)
-    position, normal, _ = sites.frame(site, parameter.ravel())
-    facing, radius = sites.contact(np.repeat(span.partner, width), position, normal, hint.ravel())
+    width = fraction.shape[1]
+    site, flat = np.repeat(span.site, width), parameter.ravel()
+    position, normal, _ = sites.frame(site, flat)
+    tangents = Tangents(position, normal, site, flat)
+    facing, radius = contact(sites, tangents, np.repeat(span.partner, width), hint.ravel())
     with np.errstate(invalid="ignore"):
         centre = position + radius[:, None] * normal
-    disks = np.concatenate([centre, radius[:, None]], axis=1).reshape(count, width, 3)
-    facing = facing.reshape(count, width)
-    if fraction[0] == 0:
-        disks[:, 0], facing[:, 0] = ends[0], span.facing_start
-    if fraction[-1] == 1:
-        disks[:, -1], facing[:, -1] = ends[1], span.facing_end
+    disks = np.concatenate([centre, radius[:, None]], axis=1).reshape(len(span), width, 3)
+    facing = facing.reshape(len(span), width)
+    for end, disk, known in (
+        (0.0, span.first_disk, span.facing_start),
+        (1.0, span.last_disk, span.facing_end),
+    ):
+        row, column = np.nonzero(fraction == end)
+        disks[row, column], facing[row, column] = disk[row], known[row]
     return disks, facing
 
 
@@ -137,30 +168,29 @@ def fit_edges(sites: Sites, graph: Graph, tolerance: float, depth: int = 40) -> 
         An edge that does not converge, with its place.
     """
     span = graph_spans(graph, sites)
-    first = np.concatenate([graph.first_centre, graph.first_radius[:, None]], axis=1)[span.edge]
-    last = np.concatenate([graph.last_centre, graph.last_radius[:, None]], axis=1)[span.edge]
-    done: list[tuple[Span, IntArray, FloatArray, list[FloatArray]]] = []
+    done: list[tuple[Span, IntArray, FloatArray]] = []
+    flat: list[FloatArray] = []
     joints = [np.concatenate([graph.vertex_centre, graph.vertex_radius[:, None]], axis=1)]
-    count = len(joints[0])
+    most = _MOST_HALVES * (len(span) + 1)
     for _ in range(depth):
-        span, first, last, degree, error, coefficients = _best_side(
-            sites, span, first, last, tolerance
-        )
+        span, degree, error, coefficients = _best_side(sites, span, tolerance)
         good = np.flatnonzero(degree > 0)
-        done.append((span.take(good), degree[good], error[good], [coefficients[k] for k in good]))
+        done.append((span.take(good), degree[good], error[good]))
+        flat.extend(coefficients[row] for row in good)
         poor = np.flatnonzero(degree == 0)
         if not len(poor):
             break
-        span, first, last, middle = _halve(sites, span.take(poor), first[poor], last[poor], count)
+        if len(poor) > most:
+            place = span.first_disk[poor[0], :2] + sites.origin
+            raise GeometryError("edges of the axis do not converge", place=tuple(place))
+        span, middle = _halve(sites, span.take(poor), sum(len(part) for part in joints))
         joints.append(middle)
-        count += len(middle)
     else:
-        place = first[0, :2] + sites.origin
+        place = span.first_disk[0, :2] + sites.origin
         raise GeometryError("an edge of the axis does not converge", place=tuple(place))
-    every = Span(*_join([part[0] for part in done]))
+    every = Span.join([part[0] for part in done])
     degree = np.concatenate([part[1] for part in done])
     error = np.concatenate([part[2] for part in done])
-    flat = [row for part in done for row in part[3]]
     order = np.lexsort((every.start, every.edge))
     table = np.concatenate(joints)
     return Fit(
@@ -169,36 +199,28 @@ def fit_edges(sites: Sites, graph: Graph, tolerance: float, depth: int = 40) -> 
     )  # fmt: skip
 
 
-def _join(spans: list[Span]) -> list[np.ndarray]:
-    names = list(Span.__dataclass_fields__)
-    return [np.concatenate([getattr(span, name) for span in spans]) for name in names]
-
-
 def _best_side(
-    sites: Sites, span: Span, first: FloatArray, last: FloatArray, tolerance: float
-) -> tuple[Span, FloatArray, FloatArray, IntArray, FloatArray, list[FloatArray]]:
+    sites: Sites, span: Span, tolerance: float
+) -> tuple[Span, IntArray, FloatArray, list[FloatArray]]:
     """Interpolate; where the preferred side does not converge, try the other."""
-    degree, error, coefficients = _interpolate(sites, span, first, last, tolerance)
+    degree, error, coefficients = _interpolate(sites, span, tolerance)
     poor = np.flatnonzero(degree == 0)
     if len(poor):
         other = span.take(poor).swapped()
-        second = _interpolate(sites, other, last[poor], first[poor], tolerance)
-        better = second[1] < error[poor]
+        second = _interpolate(sites, other, tolerance)
+        better = np.flatnonzero(second[1] < error[poor])
         rows = poor[better]
-        columns = {name: getattr(span, name).copy() for name in Span.__dataclass_fields__}
-        for name, column in columns.items():
-            column[rows] = getattr(other, name)[better]
-        span = Span(**columns)
-        first, last = first.copy(), last.copy()
-        first[rows], last[rows] = last[rows], first[rows].copy()
+        order = np.arange(len(span))
+        order[rows] = len(span) + better
+        span = Span.join([span, other]).take(order)
         degree[rows], error[rows] = second[0][better], second[1][better]
-        for row, index in zip(rows, np.flatnonzero(better), strict=True):
+        for row, index in zip(rows, better, strict=True):
             coefficients[row] = second[2][index]
-    return span, first, last, degree, error, coefficients
+    return span, degree, error, coefficients
 
 
 def _interpolate(
-    sites: Sites, span: Span, first: FloatArray, last: FloatArray, tolerance: float
+    sites: Sites, span: Span, tolerance: float
 ) -> tuple[IntArray, FloatArray, list[FloatArray]]:
     """Lowest degree that is good enough (0 where none is), its error, Bezier coefficients."""
     top = DEGREES[-1]
@@ -206,7 +228,7 @@ def _interpolate(
     extra = 0.5 * (fraction[:-1] + fraction[1:])
     both = np.concatenate([fraction, extra])
     order = np.argsort(both)
-    disks, _ = evaluate_span(sites, span, both[order], (first, last))
+    disks, _ = evaluate_span(sites, span, both[order])
     count = len(span.site)
     degree = np.zeros(count, dtype=np.int64)
     error = np.full(count, np.inf)
@@ -222,7 +244,7 @@ def _interpolate(
         nodes = position[:: top // trial]
         inverse = np.linalg.inv(bernstein_matrix(trial, sorted_fraction[nodes]))
         table = inverse @ disks[open_rows][:, nodes]
-        table[:, 0], table[:, -1] = first[open_rows], last[open_rows]
+        table[:, 0], table[:, -1] = span.first_disk[open_rows], span.last_disk[open_rows]
         fitted = bernstein_matrix(trial, sorted_fraction) @ table
         deviation = np.abs(fitted - disks[open_rows]).max(axis=(1, 2))
         good = deviation <= tolerance
@@ -233,31 +255,23 @@ def _interpolate(
     return degree, error, coefficients
 
 
-def _halve(
-    sites: Sites, span: Span, first: FloatArray, last: FloatArray, count: int
-) -> tuple[Span, FloatArray, FloatArray, FloatArray]:
-    """Two spans for one, with a joint between them."""
-    disks, facing = evaluate_span(sites, span, np.array([0.5]), (first, last))
-    middle = disks[:, 0]
-    half = 0.5 * (span.start + span.end)
-    vertex = np.arange(count, count + len(half))
-    if not np.all(np.isfinite(middle)):
-        bad = int(np.flatnonzero(~np.isfinite(middle).all(axis=1))[0])
-        place = first[bad, :2] + sites.origin
+def _halve(sites: Sites, span: Span, count: int) -> tuple[Span, FloatArray]:
+    """Two spans for one, and the (k, 3) disks of the joints between them.
+
+    `count` is the number of the first joint.
+    """
+    disks, facing = evaluate_span(sites, span, np.array([0.5]))
+    middle, facing = disks[:, 0], facing[:, 0]
+    lost = ~np.isfinite(middle).all(axis=1)
+    if lost.any():
+        place = span.first_disk[lost][0, :2] + sites.origin
         raise GeometryError("an edge of the axis is interrupted", place=tuple(place))
-    facing = facing[:, 0]
-    one = Span(
-        span.site, span.partner, span.start, half, span.facing_start, facing, span.first, vertex,
-        span.edge,
-    )  # fmt: skip
-    two = Span(
-        span.site, span.partner, half, span.end, facing, span.facing_end, vertex, span.last,
-        span.edge,
-    )  # fmt: skip
-    joined = Span(*_join([one, two]))
-    return (
-        joined,
-        np.concatenate([first, middle]),
-        np.concatenate([middle, last]),
-        middle,
+    half = 0.5 * (span.start + span.end)
+    joint = np.arange(count, count + len(half))
+    one = replace(
+        span, end=half, facing_end=facing, last=joint, last_disk=middle, far_last=middle
     )
+    two = replace(
+        span, start=half, facing_start=facing, first=joint, first_disk=middle, far_first=middle
+    )
+    return Span.join([one, two]), middle

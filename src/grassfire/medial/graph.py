@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from grassfire.errors import GeometryError
+from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.sites import FloatArray, IntArray, Sites
 from grassfire.medial.topology import WHOLE, Intervals, Nodes, Topology
 
@@ -132,7 +133,8 @@ def _stays(topology: Topology, intervals: Intervals) -> np.ndarray:
     partner = np.repeat(intervals.partner, 3)
     safe = np.maximum(partner, 0)
     position, normal, _ = sites.frame(site, parameter)
-    _, radius = sites.contact(safe, position, normal, np.full(len(site), np.nan))
+    tangents = Tangents(position, normal, site, parameter)
+    _, radius = contact(sites, tangents, safe, np.full(len(site), np.nan))
     radius = np.where(np.isfinite(radius), radius, 0.0)
     centre = position + radius[:, None] * normal
     away = centre - np.repeat(topology.nodes.centre[intervals.first_node], 3, axis=0)

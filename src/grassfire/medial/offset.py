@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from grassfire.errors import GeometryError
 from grassfire.geometry import Arc, Curve, Line, Loop, ParallelCurve
-from grassfire.medial.edges import Span, evaluate_span
+from grassfire.medial.edges import evaluate_span
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind
 from grassfire.medial.topology import WHOLE
 
@@ -266,20 +266,7 @@ class _Walker:
     def exact(self, row: IntArray, fraction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Exact disks (k, 3) and contacts on the far side (k,) at fractions of pieces."""
         span = self.axis.span.take(row)
-        inner = Span(
-            span.site,
-            span.partner,
-            span.start + (span.end - span.start) * fraction,
-            span.end,
-            span.facing_start + (span.facing_end - span.facing_start) * fraction,
-            span.facing_end,
-            span.first,
-            span.last,
-            span.edge,
-        )
-        # One disk a row, at the start of the shortened span.
-        none = np.zeros((len(row), 3))
-        disks, facing = evaluate_span(self.sites, inner, np.array([1e-300]), (none, none))
+        disks, facing = evaluate_span(self.sites, span, fraction[:, None])
         return disks[:, 0], facing[:, 0]
 
     def components(
@@ -421,20 +408,11 @@ class _BoundaryItems:
         span = walker.axis.span
         row = stretches.row
         count = len(row)
-        disks_start, facing_start = walker.exact(row, stretches.start)
-        disks_end, facing_end = walker.exact(row, stretches.end)
-        del disks_start, disks_end
-        facing_start = np.where(stretches.cut_start, facing_start, span.facing_start[row])
-        facing_end = np.where(stretches.cut_end, facing_end, span.facing_end[row])
+        _, facing_start = walker.exact(row, stretches.start)
+        _, facing_end = walker.exact(row, stretches.end)
         length = span.end[row] - span.start[row]
-        own_start = np.where(
-            stretches.cut_start, span.start[row] + length * stretches.start, span.start[row]
-        )
-        own_end = np.where(
-            stretches.cut_end, span.start[row] + length * stretches.end, span.end[row]
-        )
-        inner = ~stretches.cut_start & (stretches.start > 0)
-        own_start = np.where(inner, span.start[row] + length * stretches.start, own_start)
+        own_start = span.start[row] + length * stretches.start
+        own_end = np.where(stretches.cut_end, span.start[row] + length * stretches.end, span.end[row])
         whole = np.flatnonzero(
             (walker.interval_piece < 0)
             & (vertex_component[np.maximum(walker.interval_vertex, 0)] >= 0)

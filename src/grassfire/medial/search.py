@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, disk_through
 
 _FIRST_NEIGHBOURS = 8
@@ -126,10 +127,10 @@ class BoundarySearch:
 
     def maximal_disks(
         self,
-        position: FloatArray,
-        normal: FloatArray,
+        tangents: Tangents,
         curvature: FloatArray,
         excluded: IntArray,
+        slack: float = 1e-12,
     ) -> Contacts:
         """Maximal disks tangent at boundary points: (A) minimised over all sites not excluded.
 
@@ -138,41 +139,43 @@ class BoundarySearch:
 
         Parameters
         ----------
-        position, normal : (n, 2) float arrays
+        tangents : Tangents
         curvature : (n,) float array
             The largest one-sided curvature at the point.
         excluded : (n, e) int array
             The sites that the point lies on.
+        slack : float
+            Share of its radius by which an osculating disk may be cut and still count as maximal.
         """
         with np.errstate(divide="ignore"):
             limit = np.where(curvature > 0, 1 / np.maximum(curvature, 1e-300), np.inf)
         limit = np.minimum(limit, 2 * self.sites.size)
-        radius = self._shrink(position, normal, limit.copy())
-        partner = np.full(len(position), -1, dtype=np.int64)
-        parameter = np.full(len(position), np.nan)
-        best = np.full(len(position), np.inf)
-        active = np.arange(len(position))
-        neighbours = np.full(len(position), _FIRST_NEIGHBOURS)
+        count = len(tangents)
+        radius = self._shrink(tangents.position, tangents.normal, limit.copy())
+        partner = np.full(count, -1, dtype=np.int64)
+        parameter = np.full(count, np.nan)
+        best = np.full(count, np.inf)
+        active = np.arange(count)
+        neighbours = np.full(count, _FIRST_NEIGHBOURS)
         while len(active):
             wanted = int(neighbours[active].min())
             rows = active[neighbours[active] == wanted]
             changed, complete = self._improve(
-                rows, wanted, position, normal, excluded, radius, best, partner, parameter
+                rows, wanted, tangents, excluded, radius, best, partner, parameter
             )
             neighbours[rows[~changed & ~complete]] *= 4
-            done = np.zeros(len(position), dtype=bool)
+            done = np.zeros(count, dtype=bool)
             done[rows[~changed & complete]] = True
             active = active[~done[active]]
-        self._prefer_corners(position, normal, excluded, partner, parameter)
+        self._prefer_corners(tangents, excluded, partner, parameter)
         bounded = best > limit * (1 + 1e-11)
         partner[bounded] = -1
-        osculating = best >= limit * (1 - 1e-12)
+        osculating = best >= limit * (1 - slack)
         return Contacts(np.minimum(best, limit), partner, parameter, osculating)
 
     def _prefer_corners(
         self,
-        position: FloatArray,
-        normal: FloatArray,
+        tangents: Tangents,
         excluded: IntArray,
         partner: IntArray,
         parameter: FloatArray,
@@ -188,9 +191,8 @@ class BoundarySearch:
             index = np.flatnonzero(rows)
             if len(index):
                 target = corner[index]
-                where, radius = sites.contact(
-                    target, position[index], normal[index], np.full(len(index), np.nan)
-                )
+                none = np.full(len(index), np.nan)
+                where, radius = contact(sites, tangents.take(index), target, none)
                 seen = np.isfinite(radius)
                 partner[index[seen]] = target[seen]
                 parameter[index[seen]] = where[seen]
@@ -217,8 +219,7 @@ class BoundarySearch:
         self,
         rows: IntArray,
         wanted: int,
-        position: FloatArray,
-        normal: FloatArray,
+        tangents: Tangents,
         excluded: IntArray,
         radius: FloatArray,
         best: FloatArray,
@@ -226,7 +227,7 @@ class BoundarySearch:
         parameter: FloatArray,
     ) -> tuple[BoolArray, BoolArray]:
         """One exact round: contacts with the sites near each disk. Arrays are updated in place."""
-        centre = position[rows] + radius[rows, None] * normal[rows]
+        centre = tangents.position[rows] + radius[rows, None] * tangents.normal[rows]
         row, target, hint, farthest = self._candidates(centre, wanted)
         keep = np.all(excluded[rows][row] != target[:, None], axis=1)
         row, target, hint = row[keep], target[keep], hint[keep]
@@ -234,7 +235,7 @@ class BoundarySearch:
         changed = np.zeros(len(rows), dtype=bool)
         if not len(row):
             return changed, complete
-        where, rho = self.sites.contact(target, position[rows][row], normal[rows][row], hint)
+        where, rho = contact(self.sites, tangents.take(rows[row]), target, hint)
         first, index = _minimum_by_row(row, rho)
         chosen = rows[first]
         better = rho[index] < best[chosen]

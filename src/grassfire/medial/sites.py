@@ -20,13 +20,6 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
-# At flat corners only a sliver next to the end can be touched: the grid crowds towards both ends.
-_CROWD = 10.0 ** np.arange(-8, -1)
-_CONTACT_GRID = np.concatenate(
-    [[0.0], _CROWD, np.linspace(0.0, 1.0, 15)[1:-1], 1 - _CROWD[::-1], [1.0]]
-)
-
-
 class SiteKind(IntEnum):
     """Geometry of a site."""
 
@@ -60,7 +53,7 @@ class Sites:
     corner_after : (m,) bool array
         Whether a convex corner ends the site.
     turn_after : (m,) float array
-        Turn of that corner, radians (0 where the junction is smooth or reflex).
+        Turn of that corner, or of a junction too flat to be one, radians.
     loop, curve : (m,) int arrays
         Loop index and index of the curve in its loop.
     origin : (2,) float array
@@ -155,223 +148,6 @@ class Sites:
         result[is_point] = np.abs(self.extent[site[is_point], 1]) * radius[is_point]
         return result
 
-    # -- contacts ---------------------------------------------------------------------------------
-
-    def contact(
-        self, target: IntArray, position: FloatArray, normal: FloatArray, hint: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Smallest disk tangent at `position` (centre along `normal`) that reaches `target`.
-
-        Minimises (A) of the theory, |q-p|^2 / (2 n.(q-p)), over the closed site.
-
-        Parameters
-        ----------
-        target : (n,) int array
-        position, normal : (n, 2) float arrays
-        hint : (n,) float array
-            Start parameter on the target; NaN where none is known.
-
-        Returns
-        -------
-        parameter, radius : (n,) float arrays
-            Contact on the target and disk radius, mm; infinite where no disk reaches it.
-        """
-        kind = self.kind[target]
-        parameter = np.full(len(target), np.nan)
-        radius = np.full(len(target), np.inf)
-        for value, method in (
-            (SiteKind.LINE, self._contact_line),
-            (SiteKind.ARC, self._contact_arc),
-            (SiteKind.POINT, self._contact_point),
-        ):
-            rows = np.flatnonzero(kind == value)
-            if len(rows):
-                parameter[rows], radius[rows] = method(target[rows], position[rows], normal[rows])
-        rows = np.flatnonzero(kind == SiteKind.SPIRAL)
-        if len(rows):
-            parameter[rows], radius[rows] = self._contact_spiral(
-                target[rows], position[rows], normal[rows], hint[rows]
-            )
-        # The point itself, met as the end of a neighbouring site, is no second contact.
-        rows = np.flatnonzero(radius < 1e-6 * self.size)
-        if len(rows):
-            chord = self.point(target[rows], parameter[rows]) - position[rows]
-            radius[rows[np.hypot(chord[:, 0], chord[:, 1]) <= 1e-12 * self.size]] = np.inf
-        return parameter, radius
-
-    def _contact_line(
-        self, target: IntArray, position: FloatArray, normal: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        start, direction = self.anchor[target], self.extent[target]
-        length = np.hypot(direction[:, 0], direction[:, 1])
-        inward = np.stack([-direction[:, 1], direction[:, 0]], axis=1) / length[:, None]
-        height = _dot(inward, position - start)
-        cosine = _dot(normal, inward)
-        sine = normal[:, 0] * inward[:, 1] - normal[:, 1] * inward[:, 0]
-        # 1 - cos loses all digits for nearly parallel lines; sin^2 / (1 + cos) does not.
-        slack = np.where(cosine > 0, sine**2 / (1 + np.maximum(cosine, 0)), 1 - cosine)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            radius = np.where((height > 0) & (slack > 1e-30), height / slack, np.inf)
-        centre = position + np.where(np.isfinite(radius), radius, 0.0)[:, None] * normal
-        parameter = np.where(
-            np.isfinite(radius), _dot(centre - start, direction) / length**2, np.nan
-        )
-        return self._clip(target, position, normal, parameter, radius)
-
-    def _contact_arc(
-        self, target: IntArray, position: FloatArray, normal: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        centre, rim = self.anchor[target], self.radius[target]
-        start, sweep = self.extent[target].T
-        sign = np.sign(sweep)
-        offset = position - centre
-        distance = np.hypot(offset[:, 0], offset[:, 1])
-        numerator = (rim - distance) * (rim + distance)
-        denominator = 2 * (_dot(normal, offset) + sign * rim)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            radius = numerator / denominator
-        valid = np.isfinite(radius) & (radius > 0) & (numerator * sign > 0)
-        radius = np.where(valid, radius, np.inf)
-        towards = offset + np.where(valid, radius, 0.0)[:, None] * normal
-        angle = np.arctan2(towards[:, 1], towards[:, 0])
-        # Angle past the start in the direction of the sweep, cut opposite to the arc's middle.
-        middle = start + sweep / 2
-        delta = np.remainder(angle - middle + np.pi, 2 * np.pi) - np.pi
-        parameter = np.where(valid, 0.5 + delta / sweep, np.nan)
-        return self._clip(target, position, normal, parameter, radius)
-
-    def _contact_point(
-        self, target: IntArray, position: FloatArray, normal: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        chord = self.anchor[target] - position
-        radius = disk_through(chord, normal)
-        centre = position + np.where(np.isfinite(radius), radius, 0.0)[:, None] * normal
-        direction = centre - self.anchor[target]
-        start, turn = self.extent[target].T
-        angle = np.arctan2(direction[:, 1], direction[:, 0])
-        delta = np.remainder(angle - (start + turn / 2) + np.pi, 2 * np.pi) - np.pi
-        parameter = np.clip(0.5 + delta / turn, 0.0, 1.0)
-        return np.where(np.isfinite(radius), parameter, np.nan), radius
-
-    def _clip(
-        self,
-        target: IntArray,
-        position: FloatArray,
-        normal: FloatArray,
-        parameter: FloatArray,
-        radius: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Replace contacts beyond an end of the site by the better of its two ends."""
-        low, high = self.low[target], self.high[target]
-        outside = ~((parameter >= low) & (parameter <= high))
-        rows = np.flatnonzero(outside)
-        if len(rows):
-            ends = [
-                disk_through(self.point(target[rows], end[rows]) - position[rows], normal[rows])
-                for end in (low, high)
-            ]
-            first = ends[0] <= ends[1]
-            parameter[rows] = np.where(first, low[rows], high[rows])
-            radius[rows] = np.where(first, ends[0], ends[1])
-        return parameter, radius
-
-    def _contact_spiral(
-        self, target: IntArray, position: FloatArray, normal: FloatArray, hint: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        parameter, radius, good = self._newton_contact(target, position, normal, hint)
-        rows = np.flatnonzero(~good)
-        if len(rows):
-            parameter[rows], radius[rows] = self._bracketed_contact(
-                target[rows], position[rows], normal[rows]
-            )
-        return parameter, radius
-
-    def _newton_contact(
-        self, target: IntArray, position: FloatArray, normal: FloatArray, hint: FloatArray
-    ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        low, high = self.low[target], self.high[target]
-        span = high - low
-        parameter = np.clip(np.where(np.isnan(hint), low, hint), low, high)
-        radius = np.full(len(target), np.inf)
-        good = np.zeros(len(target), dtype=bool)
-        active = np.flatnonzero(~np.isnan(hint))
-        for _ in range(12):
-            if not len(active):
-                break
-            value = parameter[active]
-            slope, curve, rho = self._stationarity(
-                target[active], position[active], normal[active], value
-            )
-            with np.errstate(divide="ignore", invalid="ignore"):
-                step = -slope / curve
-            usable = np.isfinite(step) & np.isfinite(rho) & (curve > 0)
-            step = np.where(usable, step, 0.0)
-            new = np.clip(value + step, low[active], high[active])
-            parameter[active] = new
-            done = np.abs(new - value) <= 4e-16 * (1 + np.abs(value)) + 1e-15 * span[active]
-            inside = (new > low[active]) & (new < high[active])
-            good[active] = done & usable & inside
-            radius[active] = rho
-            active = active[~done & usable]
-        return parameter, radius, good
-
-    def _stationarity(
-        self, target: IntArray, position: FloatArray, normal: FloatArray, parameter: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Derivative of (A) up to a positive factor, its derivative, and (A) itself."""
-        point, first, second = self._spiral(self.bezier[target], parameter, 2)
-        chord = point - position
-        rho = disk_through(chord, normal)
-        finite = np.where(np.isfinite(rho), rho, 0.0)
-        towards = chord - finite[:, None] * normal
-        return _dot(towards, first), _dot(first, first) + _dot(towards, second), rho
-
-    def _bracketed_contact(
-        self, target: IntArray, position: FloatArray, normal: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        low, high = self.low[target], self.high[target]
-        fraction = _CONTACT_GRID
-        grid = low[:, None] + (high - low)[:, None] * fraction
-        grid[:, -1] = high
-        count, width = grid.shape
-        chord = self._spiral(np.repeat(self.bezier[target], width), grid.ravel(), 0)[0]
-        chord -= np.repeat(position, width, axis=0)
-        rho = disk_through(chord, np.repeat(normal, width, axis=0)).reshape(count, width)
-        best = np.argmin(rho, axis=1)
-        rows = np.arange(count)
-        left = grid[rows, np.maximum(best - 1, 0)]
-        right = grid[rows, np.minimum(best + 1, width - 1)]
-        sample = grid[rows, best]
-        parameter = sample.copy()
-        radius = rho[rows, best]
-        active = np.flatnonzero(np.isfinite(radius))
-        for _ in range(60):
-            if not len(active):
-                break
-            value = parameter[active]
-            slope, curve, current = self._stationarity(
-                target[active], position[active], normal[active], value
-            )
-            # Where no disk exists the minimum lies towards the best sample.
-            rising = np.where(np.isfinite(current), slope > 0, value > sample[active])
-            right[active] = np.where(rising, value, right[active])
-            left[active] = np.where(rising, left[active], value)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                new = value - slope / curve
-            inside = (new > left[active]) & (new < right[active]) & (curve > 0)
-            inside &= np.isfinite(current)
-            new = np.where(inside, new, 0.5 * (left[active] + right[active]))
-            better = current <= radius[active]
-            radius[active] = np.where(better, current, radius[active])
-            done = np.abs(new - value) <= 1e-15 * (high - low)[active] + 4e-16 * np.abs(value)
-            parameter[active] = np.where(done, value, new)
-            active = active[~done]
-        final = disk_through(self._spiral(self.bezier[target], parameter, 0)[0] - position, normal)
-        sampled = rho[rows, best]
-        worse = ~(final <= sampled)
-        parameter = np.where(worse, sample, parameter)
-        return parameter, np.where(worse, sampled, final)
-
     # -- projection -------------------------------------------------------------------------------
 
     def project(
@@ -383,8 +159,8 @@ class Sites:
         rows = np.flatnonzero(kind == SiteKind.LINE)
         if len(rows):
             direction = self.extent[target[rows]]
-            along = _dot(centre[rows] - self.anchor[target[rows]], direction)
-            parameter[rows] = np.clip(along / _dot(direction, direction), 0.0, 1.0)
+            along = dot(centre[rows] - self.anchor[target[rows]], direction)
+            parameter[rows] = np.clip(along / dot(direction, direction), 0.0, 1.0)
         rows = np.flatnonzero(kind == SiteKind.ARC)
         if len(rows):
             parameter[rows] = self._project_arc(target[rows], centre[rows])
@@ -412,12 +188,12 @@ class Sites:
             value = parameter[active]
             point, first, second = self._spiral(self.bezier[target[active]], value, 2)
             offset = point - centre[active]
-            squared = _dot(offset, offset)
+            squared = dot(offset, offset)
             better = squared < distance[active]
             best[active] = np.where(better, value, best[active])
             distance[active] = np.where(better, squared, distance[active])
-            slope, flat = _dot(offset, first), _dot(first, first)
-            curve = flat + _dot(offset, second)
+            slope, flat = dot(offset, first), dot(first, first)
+            curve = flat + dot(offset, second)
             # Gauss-Newton where the full second derivative is not safely positive.
             curve = np.where(curve > 1e-7 * flat, curve, flat)
             new = np.clip(value - slope / curve, low[active], high[active])
@@ -427,7 +203,7 @@ class Sites:
                 break
         for end in (low, high):
             offset = self._spiral(self.bezier[target], end, 0)[0] - centre
-            squared = _dot(offset, offset)
+            squared = dot(offset, offset)
             better = squared < distance
             best = np.where(better, end, best)
             distance = np.where(better, squared, distance)
@@ -483,11 +259,12 @@ def disk_through(chord: FloatArray, normal: FloatArray) -> FloatArray:
 
     Infinite where q lies behind the tangent.
     """
-    height = _dot(chord, normal)
+    height = dot(chord, normal)
     with np.errstate(divide="ignore", invalid="ignore"):
-        radius = _dot(chord, chord) / (2 * height)
+        radius = dot(chord, chord) / (2 * height)
     return np.where((height > 0) & np.isfinite(radius), radius, np.inf)
 
 
-def _dot(first: FloatArray, second: FloatArray) -> FloatArray:
+def dot(first: FloatArray, second: FloatArray) -> FloatArray:
+    """(n,) products of the rows of two (n, 2) arrays."""
     return np.asarray(np.einsum("ij,ij->i", first, second))

@@ -14,6 +14,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from grassfire.errors import GeometryError
+from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.search import BoundarySearch, Contacts
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
 
@@ -78,10 +79,16 @@ class Topology:
     search : BoundarySearch
     snap : float
         Length below which two boundary points are one, mm.
+    smooth_angle : float
+        As given to `build_sites`, radians.
     """
 
-    def __init__(self, sites: Sites, search: BoundarySearch, snap: float) -> None:
+    def __init__(
+        self, sites: Sites, search: BoundarySearch, snap: float, smooth_angle: float
+    ) -> None:
         self.sites = sites
+        # A neighbour at a turn too flat for a corner cuts the disk of an arc by turn^2 / 2.
+        self.slack = max(1e-12, smooth_angle**2)
         self.search = search
         self.snap = snap
         self.vertex_count = 0
@@ -112,7 +119,8 @@ class Topology:
 
     def _disks(self, site: IntArray, parameter: FloatArray, excluded: IntArray) -> Contacts:
         position, normal, curvature = self.sites.frame(site, parameter)
-        return self.search.maximal_disks(position, normal, curvature, excluded)
+        tangents = Tangents(position, normal, site, parameter)
+        return self.search.maximal_disks(tangents, curvature, excluded, self.slack)
 
     def _own(self, site: IntArray) -> IntArray:
         """(n, 3) sites that a disk at `site` cannot touch again: itself, and round a reflex corner.
@@ -167,14 +175,18 @@ class Topology:
         normal = np.where(point[:, None], other_normal, normal)
         curvature = np.maximum(curvature, other_curvature)
         excluded = np.concatenate([self._own(before), self._own(after)], axis=1)
-        contacts = self.search.maximal_disks(position, normal, curvature, excluded)
+        fan = sites.kind[after] == SiteKind.POINT
+        mean = normal + np.where(fan[:, None], normal, other_normal)
+        mean /= np.hypot(mean[:, 0], mean[:, 1])[:, None]
+        tangents = Tangents(position, mean, before, sites.high[before])
+        contacts = self.search.maximal_disks(tangents, curvature, excluded, self.slack)
         held = self.contact_arc[before] | self.contact_arc[after]
         ends = contacts.osculating | held
         radius = contacts.radius.copy()
         for arc in (before, after):
             rows = self.contact_arc[arc]
-            radius[rows] = np.minimum(radius[rows], sites.radius[arc[rows]])
-        centre = position + radius[:, None] * normal
+            radius[rows] = sites.radius[arc[rows]]
+        centre = position + radius[:, None] * mean
         for arc in (before, after):
             rows = self.contact_arc[arc]
             centre[rows] = sites.anchor[arc[rows]]
@@ -185,16 +197,20 @@ class Topology:
         right = np.where(ends, self._beyond(before, sites.preceding), first)
         left = np.where(self.contact_arc[before], WHOLE, left)
         right = np.where(self.contact_arc[after], WHOLE, right)
-        mine = np.ones(len(before), dtype=bool)
         both_low, both_high = sites.low[after], sites.high[before]
+        mine = np.ones(len(before), dtype=bool)
+        one = Tangents(position, normal, before, both_high)
+        two = Tangents(other_position, other_normal, after, both_low)
+        disk = self._side_disks(contacts, ends, one, radius, centre)
+        other = self._side_disks(contacts, ends, two, radius, centre)
         own = Nodes.join(
             Nodes(
-                before, both_high, radius, left, left,
-                np.where(ends, both_low, contacts.parameter), vertex, centre, mine,
+                before, both_high, disk[1], left, left,
+                np.where(ends, both_low, contacts.parameter), vertex, disk[0], mine,
             ),
             Nodes(
-                after, both_low, radius, right, right,
-                np.where(ends, both_high, contacts.parameter), vertex, centre, mine,
+                after, both_low, other[1], right, right,
+                np.where(ends, both_high, contacts.parameter), vertex, other[0], mine,
             ),
         )  # fmt: skip
         seen = ~ends
@@ -204,6 +220,22 @@ class Topology:
         ).take(seen)  # fmt: skip
         image = self._snap_to_ends(image)
         return Nodes.join(own, image)
+
+    def _side_disks(
+        self,
+        contacts: Contacts,
+        ends: BoolArray,
+        tangents: Tangents,
+        radius: FloatArray,
+        centre: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """The disk of a junction as one of its sides sees it: they differ where it has a kink."""
+        partner = np.maximum(contacts.partner, 0)
+        _, own = contact(self.sites, tangents, partner, contacts.parameter)
+        use = ~ends & np.isfinite(own) & (np.abs(own - radius) <= 1e-3 * radius)
+        own = np.where(use, own, radius)
+        moved = tangents.position + own[:, None] * tangents.normal
+        return np.where(use[:, None], moved, centre), own
 
     def _beyond(self, site: IntArray, step: IntArray) -> IntArray:
         """First site from `site` on that is no contact arc."""
@@ -261,7 +293,8 @@ class Topology:
         is kept only where `junctions` asks for it.
         """
         position, normal, curvature = self.sites.frame(site, parameter)
-        contacts = self.search.maximal_disks(position, normal, curvature, self._own(site))
+        tangents = Tangents(position, normal, site, parameter)
+        contacts = self.search.maximal_disks(tangents, curvature, self._own(site))
         # No partner: the point lies within rounding of an end, which its site's ends carry.
         known = contacts.partner >= 0
         site, parameter = site[known], parameter[known]
@@ -351,7 +384,8 @@ class Topology:
             raise GeometryError("a contact arc is interrupted", place=tuple(place))
         parameter, radius, facing = self._crossing(rows, one, other)
         position, normal, curvature = self.sites.frame(site, parameter)
-        contacts = self.search.maximal_disks(position, normal, curvature, self._own(site))
+        tangents = Tangents(position, normal, site, parameter)
+        contacts = self.search.maximal_disks(tangents, curvature, self._own(site))
         slack = self.snap * 0.1 + 1e-13 * self.sites.size
         known = contacts.partner >= 0
         third = known & (contacts.radius < radius - slack)
@@ -440,8 +474,9 @@ class Topology:
         (A) is 0 / 0.
         """
         position, normal, _ = self.sites.frame(site, parameter)
-        where, first = self.sites.contact(one, position, normal, hint_one)
-        _, second = self.sites.contact(other, position, normal, hint_other)
+        tangents = Tangents(position, normal, site, parameter)
+        where, first = contact(self.sites, tangents, one, hint_one)
+        _, second = contact(self.sites, tangents, other, hint_other)
         if known is not None:
             first = known if side == 1 else first
             second = known if side == 2 else second

@@ -35,6 +35,9 @@ CROSS_NECKS = True
 SMALLEST_RING = 0.02
 """Rings of a smaller extent are points to a controller: only a plunge can enter there, mm."""
 
+LONGEST_CUT = 2e7
+"""Cuts longer than this are taken for a mistake of units, mm: weeks of machining."""
+
 
 @dataclass(frozen=True)
 class PlannedOperation:
@@ -90,7 +93,8 @@ def plan_operation(
     Raises
     ------
     PlanningError
-        If the tool fits into no region, or nothing is left to cut.
+        If the tool fits into no region, nothing is left to cut, or the cut would be longer than
+        `LONGEST_CUT`.
     """
     findings: list[Finding] = []
     wall = tool.radius + operation.radial_allowance - FIT
@@ -98,6 +102,7 @@ def plan_operation(
     floors = pass_floors(
         job.stock.top, operation.depth, operation.stepdown, operation.axial_allowance
     )
+    _check_length(axes, tool, wall, spacing, len(floors))
     pockets = _pockets(axes, operation, tool, job, wall, spacing, findings)
     levels = _levels(job)
     feeds = _feeds(operation, tool)
@@ -130,6 +135,20 @@ def _spacing(operation: Operation, tool: Tool, findings: list[Finding]) -> float
             )
         )
     return min(asked, most)
+
+
+def _check_length(
+    axes: Sequence[MedialAxis], tool: Tool, wall: float, spacing: float, passes: int
+) -> None:
+    """Refuse what would be cut for weeks: area / spacing is the length of a pass, nearly."""
+    area = sum(axis.region.area for axis in axes if axis.largest_disk()[1] >= wall)
+    length = area / spacing * passes
+    if length > LONGEST_CUT:
+        raise PlanningError(
+            f"clearing {area:.4g} mm2 with tool {tool.number} ({tool.diameter:g} mm) takes about "
+            f"{length / 1e6:.3g} km of cuts",
+            remedy="check units and layers of the drawing, or take a larger tool",
+        )
 
 
 def _levels(job: Job) -> Levels:

@@ -295,7 +295,7 @@ def from_loop(loop: Loop, fit_tolerance: float, shortest: float = 1e-4) -> Path:
     for curve in loop.curves:
         own = [curve] if isinstance(curve, Line | Arc) else fit_arcs(curve, fit_tolerance)
         pieces += own
-        starts += [curve.start] + [piece.start for piece in own[1:]]
+        starts += [piece.start for piece in own]
     return tidy(_from_pieces(starts, pieces), shortest)
 
 

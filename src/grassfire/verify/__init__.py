@@ -4,7 +4,17 @@ Shares nothing with the planner. Walls and floor are measured exactly, removal o
 maps.
 """
 
+from grassfire.verify.counts import MoveCounts, count_program
 from grassfire.verify.judge import verify
 from grassfire.verify.model import Fault, HeightMap, OperationResult, Target, Verification
 
-__all__ = ["Fault", "HeightMap", "OperationResult", "Target", "Verification", "verify"]
+__all__ = [
+    "Fault",
+    "HeightMap",
+    "MoveCounts",
+    "OperationResult",
+    "Target",
+    "Verification",
+    "count_program",
+    "verify",
+]

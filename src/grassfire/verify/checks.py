@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -10,10 +9,7 @@ import numpy as np
 from grassfire.toolpath import Program
 from grassfire.verify.gouge import Walls, stretches_between
 from grassfire.verify.model import Fault, FloatArray, Target
-from grassfire.verify.path import BoolArray, IntArray, Path
-
-_BELOW = 1e-6
-"""A position counts as below the stock's top from this depth on, mm."""
+from grassfire.verify.path import BELOW, BoolArray, IntArray, Path, below_top
 
 Place = tuple[float, float, float]
 
@@ -72,11 +68,6 @@ def lower_end(path: Path, move: int) -> Place:
     return (float(point[0]), float(point[1]), float(point[2]))
 
 
-def below_top(path: Path, top: float) -> BoolArray:
-    """Return (n,) whether each move reaches below the stock's top; unknown z does not count."""
-    return np.asarray(np.fmin(path.begin[:, 2], path.end[:, 2]) < top - _BELOW)
-
-
 def check_moves(path: Path, top: float, max_feed: FloatArray) -> list[Fault]:
     """Return faults of position, spindle, feed, arcs and low rapids.
 
@@ -128,7 +119,7 @@ def check_moves(path: Path, top: float, max_feed: FloatArray) -> list[Fault]:
         ),
         (
             "rapid-low",
-            path.rapid & below & (travel > _BELOW),
+            path.rapid & below & (travel > BELOW),
             depth,
             lambda size: f"a rapid travels sideways {size:.3f} mm below the stock's top",
         ),
@@ -164,35 +155,17 @@ def check_sections(
         following = index + 1 < len(program.sections)
         changes = not following or (program.sections[index + 1].tool_number != section.tool_number)
         height = path.end[last, 2]
-        if changes and height < top - _BELOW:
+        if changes and height < top - BELOW:
             event = "the tool change comes" if following else "the program ends"
             size = float(top - height)
             message = f"{event} with the tool {size:.3f} mm below the stock's top"
             faults.append(_at_end(path, int(last), "ends-in-stock", size, message))
-    faults += _spindle_notes(program, path)
     cutting = ~path.rapid & below_top(path, top)
     for operation in sorted({item.operation for item in targets}):
         if not np.any(cutting & (path.operation == operation)):
             nowhere = (float("nan"),) * 3
             message = f"operation {operation + 1} cuts nothing"
             faults.append(Fault("nothing-cut", 0, nowhere, 0.0, message, operation))
-    return faults
-
-
-def _spindle_notes(program: Program, path: Path) -> list[Fault]:
-    """Return what a reader noted about feed moves with the spindle at rest.
-
-    A section has one spindle speed; that the spindle was stopped within it (M5) is known to the
-    reader alone, which notes it among the program's findings as "line n: ... spindle ...".
-    """
-    faults = []
-    for note in program.findings:
-        found = re.match(r"line (\d+): (.*spindle.*)", note)
-        rows = np.flatnonzero(path.line == int(found[1])) if found else np.empty(0, dtype=int)
-        if found and len(rows):
-            move = int(rows[0])
-            if not path.rapid[move] and path.spindle_on[move]:
-                faults.append(_at_end(path, move, "spindle-off", 0.0, found[2]))
     return faults
 
 
@@ -255,7 +228,7 @@ def check_walls(
     into_allowance = np.zeros(len(path))
     gouge_places: dict[int, Place] = {}
     allowance_places: dict[int, Place] = {}
-    high = top - _BELOW
+    high = top - BELOW
     for index, floor in enumerate(floors):
         low = floor - floor_tolerance if index + 1 < len(floors) else -np.inf
         deep = [item.region for item in targets if round(item.floor, 9) <= floor]

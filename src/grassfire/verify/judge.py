@@ -12,7 +12,6 @@ from grassfire.errors import InputError
 from grassfire.toolpath import Program
 from grassfire.verify.checks import (
     Place,
-    below_top,
     check_floor,
     check_moves,
     check_sections,
@@ -20,6 +19,7 @@ from grassfire.verify.checks import (
     report_moves,
 )
 from grassfire.verify.clock import move_times
+from grassfire.verify.counts import count_moves
 from grassfire.verify.model import (
     Fault,
     FloatArray,
@@ -383,22 +383,13 @@ def _figures(
 ) -> OperationResult:
     """Return the figures of one operation."""
     own = path.operation == operation
-    length = np.nan_to_num(path.length)
-    below = below_top(path, top)
-    feeding = own & ~path.rapid
+    counts = count_moves(path, seconds, operation, top)
     mine = own[removal.samples.move]
     peak, mean, high = _engagement(removal.engagement[mine], removal.samples.weight[mine])
     index = [i for i, item in enumerate(targets) if item.operation == operation]
-    rising = path.end[:, 2] > path.begin[:, 2] + 1e-6
-    low_start = path.begin[:, 2] < top - 1e-6
     return OperationResult(
         operation=operation,
-        moves=int(np.count_nonzero(own)),
-        lines=int(np.count_nonzero(feeding & ~path.arc)),
-        arcs=int(np.count_nonzero(feeding & path.arc)),
-        cut_length_mm=float(length[feeding & below].sum()),
-        rapid_length_mm=float(length[own & path.rapid].sum()),
-        time_s=float(seconds[own].sum()),
+        **vars(counts),
         reachable_area_mm2=sum(reach[i].area for i in index),
         uncut_area_mm2=sum(uncut[i] for i in index),
         unreachable_area_mm2=sum(reach[i].unreachable for i in index),
@@ -407,7 +398,6 @@ def _figures(
         mean_engagement_deg=mean,
         p99_engagement_deg=high,
         rapids_in_stock=int(np.count_nonzero(rapid_hit & own)),
-        retracts=int(np.count_nonzero(own & path.rapid & rising & low_start)),
     )
 
 

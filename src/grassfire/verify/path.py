@@ -14,6 +14,9 @@ from grassfire.verify.model import FloatArray, Target
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
+BELOW = 1e-6
+"""A position counts as below the stock's top from this depth on, mm."""
+
 
 @dataclass(frozen=True)
 class Path:
@@ -81,6 +84,11 @@ class Path:
             delta[arc, 0], delta[arc, 1] = -side * np.sin(angle), side * np.cos(angle)
         size = np.hypot(delta[:, 0], delta[:, 1])
         return np.asarray(delta / np.where(size > 0, size, 1.0)[:, None])
+
+
+def below_top(path: Path, top: float) -> BoolArray:
+    """Return (n,) whether each move reaches below the stock's top; unknown z does not count."""
+    return np.asarray(np.fmin(path.begin[:, 2], path.end[:, 2]) < top - BELOW)
 
 
 def assign(program: Program, targets: tuple[Target, ...]) -> list[Target]:
