@@ -185,12 +185,10 @@ def annulus(outer: float = 20.0, inner: float = 8.0, shift: float = 0.0) -> Regi
 def teardrop(radius: float = 10.0, reach: float = 25.0, notch: float = 4.0) -> Region:
     """Round head with a pointed tail, and a reflex notch in the head."""
     half = np.arccos(radius / reach)
-    one, two = polar(radius, half), polar(radius, TURN - half)
     left = np.pi - 0.2
     first = Arc((0, 0), radius, half, left - half)
     second = Arc((0, 0), radius, TURN - left, left - half)
     tip, dent = np.array([reach, 0.0]), np.array([notch - radius, 0.0])
-    del one, two
     return Region(
         Loop(
             (
@@ -211,18 +209,13 @@ def rounded_slot(decimals: int = 6) -> Region:
     along, across = polar(1.0, angle), polar(1.0, angle + np.pi / 2)
     heel, foot = np.array([0.0, 0.0]), np.array([17.3, 0.0])
     tip, radius = heel + 23.7 * along, 4.1
-    inner_turn = radius / np.tan((np.pi - angle) / 2)
     mark = [
         heel + (0, -radius), foot + (0, -radius), foot + (radius, 0.0), foot + (0, radius),
-        np.array([inner_turn + radius * 0, radius]),
         tip - radius * across, tip + radius * along, tip + radius * across,
         heel + radius * across, heel - radius * polar(1.0, angle / 2),
     ]  # fmt: skip
-    del mark[4]
-    elbow = np.array([radius / np.tan((np.pi - angle) / 2 + 0.0), radius])
     p = [np.round(point, decimals) for point in mark]
     corner = np.round(_meeting(foot + (0, radius), (-1, 0), tip - radius * across, -along), decimals)
-    del elbow
     return Region(
         Loop(
             (
@@ -387,6 +380,33 @@ def letter_e(height: float = 24.0) -> Region:
     )
 
 
+def quadratic_loop(marks: ArrayLike) -> Loop:
+    """Quadratic Beziers about a control polygon, joined in the middles of its sides.
+
+    Tangent-continuous, with jumps of curvature, as the outlines of glyphs are.
+    """
+    control = np.asarray(marks, dtype=np.float64)
+    before = 0.5 * (np.roll(control, 1, axis=0) + control)
+    after = np.roll(before, -1, axis=0)
+    pieces = zip(before, control, after, strict=True)
+    return Loop(tuple(Bezier(np.array(piece)) for piece in pieces))
+
+
+def letter_o(height: float = 20.0) -> Region:
+    """Slanted ring of varying width."""
+    angle = 0.3 + TURN * np.arange(9) / 9
+    outer = polar(0.55 * height, angle) * (0.8, 1.0)
+    inner = polar(0.36 * height, angle) * (0.62, 0.9) + (0.02 * height, 0.01 * height)
+    return Region(quadratic_loop(outer), (quadratic_loop(inner),))
+
+
+def comma(height: float = 20.0) -> Region:
+    """Head and bent tail, quadratic throughout."""
+    marks = [(3, 0), (8, 1), (9, 6), (5, 9), (0, 8), (-2, 4), (1, 1), (2, -3), (-2, -8), (0, -9)]
+    marks += [(5, -6)]
+    return Region(quadratic_loop(0.055 * height * np.array(marks, dtype=np.float64)))
+
+
 def bent_spline(turn: float) -> Region:
     """Lens of two cubics whose left junction turns by `turn` radians off tangency."""
     first = np.array([(0.0, -1.0), (0.0, -9.0), (25.0, -12.0), (30.0, -1.0)])
@@ -445,6 +465,8 @@ FREE: dict[str, Callable[[], Region]] = {
     "letter-d": letter_d,
     "letter-s": letter_s,
     "letter-e": letter_e,
+    "letter-o": letter_o,
+    "comma": comma,
 }
 
 BENT: dict[str, Callable[[], Region]] = {

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from grassfire.errors import GeometryError
 from grassfire.geometry import Arc, Line, Loop, ParallelCurve, Region, flatten
 from grassfire.geometry.chebyshev import evaluate_bezier
-from grassfire.medial import MedialAxis, medial_axis
+from grassfire.medial import MedialAxis, OffsetNode, medial_axis
 
 FloatArray = NDArray[np.float64]
 
@@ -51,6 +51,32 @@ def figure(region: Region, accuracy: float) -> shapely.Polygon:
     """The region as a polygon, chords within `accuracy` of the curves."""
     rings = [flatten(loop, accuracy) for loop in region.loops]
     return shapely.Polygon(rings[0], rings[1:])
+
+
+@cache
+def figure_of(name: str) -> shapely.Polygon:
+    """The region within 1e-8 of its size, prepared."""
+    region = region_of(name)
+    drawn = figure(region, 1e-8 * size_of(region))
+    shapely.prepare(drawn)
+    return drawn
+
+
+@cache
+def _chords(name: str) -> shapely.STRtree:
+    region = region_of(name)
+    rings = [flatten(loop, 1e-8 * size_of(region)) for loop in region.loops]
+    return shapely.STRtree(
+        np.concatenate([shapely.linestrings(np.stack([r[:-1], r[1:]], axis=1)) for r in rings])
+    )
+
+
+def distance_to_boundary(name: str, points: FloatArray) -> FloatArray:
+    """Distance by brute force, within 1e-8 of the region's size."""
+    places = shapely.points(points)
+    return np.asarray(
+        _chords(name).query_nearest(places, return_distance=True, all_matches=False)[1]
+    )
 
 
 def disks_of(axis: MedialAxis, samples: int = 15) -> FloatArray:
@@ -118,7 +144,7 @@ def test_axis_of_an_ellipse_is_its_segment(major: float, minor: float) -> None:
 
 def test_rectangle_has_five_edges() -> None:
     axis = medial_axis(shapes.rectangle(40.0, 20.0))
-    order = np.lexsort(axis.vertex_point.T)
+    order = np.lexsort(np.round(axis.vertex_point, 6).T)
     np.testing.assert_allclose(
         axis.vertex_point[order],
         [(-20, -10), (20, -10), (-10, 0), (10, 0), (-20, 10), (20, 10)],
@@ -229,12 +255,10 @@ def test_disks_are_empty_and_touch(name: str) -> None:
     region, axis = region_of(name), axis_of(name)
     size = size_of(region)
     accuracy = 1e-8 * size
-    rings = [flatten(loop, accuracy) for loop in region.loops]
-    boundary = shapely.MultiLineString([shapely.LineString(ring) for ring in rings])
-    shapely.prepare(boundary)
     disks = disks_of(axis)
-    away = shapely.distance(boundary, shapely.points(disks[:, :2]))
-    assert np.abs(away - disks[:, 2]).max() <= 1.01e-6 + accuracy + 1e-13 * np.abs(rings[0]).max()
+    away = distance_to_boundary(name, disks[:, :2])
+    rounding = 1e-13 * np.abs(region.bounds()).max()
+    assert np.abs(away - disks[:, 2]).max() <= 1.01e-6 + accuracy + rounding
     inner = disks[disks[:, 2] > 2e-6 + accuracy]
     assert region.contains(inner[:, :2]).all()
 
@@ -393,18 +417,16 @@ def test_output_has_the_agreed_keys() -> None:
 @pytest.mark.parametrize("name", OFFSET)
 def test_clearance_is_the_signed_distance(name: str) -> None:
     region, axis = region_of(name), axis_of(name)
-    accuracy = 1e-9 * size_of(region)
-    drawn = figure(region, accuracy)
     draw = np.random.default_rng(7)
     xmin, ymin, xmax, ymax = region.bounds()
     margin = 0.1 * np.array([xmax - xmin, ymax - ymin])
     points = draw.uniform((xmin, ymin) - margin, (xmax, ymax) + margin, (400, 2))
-    places = shapely.points(points)
-    away = shapely.distance(drawn.boundary, places)
-    expected = np.where(shapely.contains(drawn, places), away, -away)
+    away = distance_to_boundary(name, points)
+    inside = shapely.contains(figure_of(name), shapely.points(points))
+    expected = np.where(inside, away, -away)
     found = axis.clearance(points)
     assert found.shape == (400,)
-    np.testing.assert_allclose(found, expected, atol=2 * accuracy + 1e-12)
+    np.testing.assert_allclose(found, expected, atol=1.1e-8 * size_of(region))
 
 
 def test_clearance_on_the_boundary_and_at_corners() -> None:
@@ -444,34 +466,64 @@ def test_waist_of_a_spline() -> None:
 # -- offsets --------------------------------------------------------------------------------------
 
 
-def eroded(region: Region, distance: float, accuracy: float) -> shapely.Geometry:
-    """Points of clearance above the distance, by a fine polygon."""
-    return figure(region, accuracy).buffer(-distance, quad_segs=720)
+def drawn_node(node: OffsetNode, accuracy: float) -> shapely.Polygon:
+    rings = [flatten(loop, accuracy) for loop in node.loops]
+    return shapely.Polygon(rings[0], rings[1:])
 
 
-def polygons(geometry: shapely.Geometry) -> list[shapely.Polygon]:
-    parts = getattr(geometry, "geoms", [geometry])
-    return [part for part in parts if part.area > 0]
-
-
-@pytest.mark.parametrize("share", [0.06, 0.23, 0.47, 0.71, 0.93])
+@pytest.mark.parametrize("share", [0.06, 0.31, 0.71, 0.93])
 @pytest.mark.parametrize("name", OFFSET)
-def test_offsets_agree_with_erosion(name: str, share: float) -> None:
+def test_offsets_hold_the_points_of_that_clearance(name: str, share: float) -> None:
+    """Random points are in exactly one component if their clearance is above the distance.
+
+    Clearance by distances to a fine flattening. (Erosion of fine polygons is no measure: GEOS
+    simplifies what it erodes by a hundredth of the distance.)
+    """
     region, axis = region_of(name), axis_of(name)
     distance = share * axis.largest_disk()[1]
     nodes = axis.offset_tree(np.array([distance]))
-    accuracy = 3e-8 * size_of(region)
-    parts = polygons(eroded(region, distance, accuracy))
-    # Erosion by a polygon of 2880 sides cuts less round reflex corners by 4e-7 of the sector.
-    slack = 1e-6 * region.area
-    parts = [part for part in parts if part.area > slack]
-    large = [node for node in nodes if node.area > slack]
-    assert len(large) == len(parts)
-    assert sum(node.area for node in nodes) == pytest.approx(sum(p.area for p in parts), abs=slack)
-    by_area = sorted(large, key=lambda node: -node.area)
-    for node, part in zip(by_area, sorted(parts, key=lambda p: -p.area), strict=True):
-        assert node.area == pytest.approx(part.area, abs=slack)
+    parts = [drawn_node(node, 1e-8 * size_of(region)) for node in nodes]
+    for node, part in zip(nodes, parts, strict=True):
+        assert part.is_valid
+        assert node.area == pytest.approx(part.area, rel=1e-6, abs=1e-6 * region.area)
+    draw = np.random.default_rng(11)
+    xmin, ymin, xmax, ymax = region.bounds()
+    points = draw.uniform((xmin, ymin), (xmax, ymax), (1500, 2))
+    points = points[region.contains(points)]
+    places, away = shapely.points(points), distance_to_boundary(name, points)
+    shapely.prepare(parts)
+    clear = np.abs(away - distance) > 1e-6
+    count = np.sum([shapely.contains(part, places) for part in parts], axis=0)
+    np.testing.assert_array_equal(count[clear], (away >= distance)[clear].astype(int))
+
+
+@pytest.mark.parametrize("share", [0.06, 0.31, 0.71, 0.93])
+@pytest.mark.parametrize("name", ["rectangle", "ell", "tee", "cross", "comb", "star-9", "dumbbell",
+                                  "islands-grid", "square-frame-turned"])  # fmt: skip
+def test_offsets_of_polygons_agree_with_erosion(name: str, share: float) -> None:
+    region, axis = region_of(name), axis_of(name)
+    distance = share * axis.largest_disk()[1]
+    nodes = axis.offset_tree(np.array([distance]))
+    eroded = figure(region, 1e-6).buffer(-distance, quad_segs=720)
+    parts = [part for part in getattr(eroded, "geoms", [eroded]) if part.area > 0]
+    assert len(nodes) == len(parts)
+    by_area = sorted(nodes, key=lambda node: -node.area)
+    for node, part in zip(by_area, sorted(parts, key=lambda part: -part.area), strict=True):
+        assert node.area == pytest.approx(part.area, abs=1e-6 * region.area)
         assert len(node.loops) == 1 + len(part.interiors)
+
+
+@pytest.mark.parametrize(
+    ("name", "distance"),
+    [("ellipse", 5.0), ("rounded-rectangle", 4.0), ("stadium", 5.0), ("blob-1", 0.3)],
+)
+def test_offsets_of_smooth_regions_obey_steiner(name: str, distance: float) -> None:
+    """Up to the least radius of curvature the area is A - P d + pi d^2."""
+    region = region_of(name)
+    (node,) = axis_of(name).offset_tree(np.array([distance]))
+    expected = region.area - region.perimeter * distance + np.pi * distance**2
+    assert node.area == pytest.approx(expected, rel=1e-8)
+    assert node.loops[0].length == pytest.approx(region.perimeter - 2 * np.pi * distance, rel=1e-8)
 
 
 @pytest.mark.parametrize("name", OFFSET)
@@ -520,6 +572,7 @@ def test_parents_hold_their_children(name: str) -> None:
             [flatten(loop, 1e-4 * size_of(region)) for loop in parent.loops[1:]],
         )
         inside = node.loops[0].point(np.arange(len(node.loops[0])) + 0.5)
+        shapely.prepare(outline)
         assert shapely.distance(outline, shapely.points(inside)).max() <= 1e-3 * size_of(region)
 
 
@@ -533,7 +586,7 @@ def test_offsets_of_a_dumbbell_part_at_its_neck() -> None:
 def test_offsets_of_an_annulus_keep_their_hole() -> None:
     (node,) = axis_of("annulus-eccentric").offset_tree(np.array([2.0]))
     assert len(node.loops) == 2
-    assert node.area == pytest.approx(np.pi * (18.0**2 - 10.0**2), rel=1e-9)
+    assert node.area == pytest.approx(np.pi * (18.0**2 - 10.0**2), rel=1e-8)
 
 
 def test_offset_of_a_disk() -> None:
@@ -547,7 +600,7 @@ def test_lines_stay_lines_and_corners_become_arcs() -> None:
     kinds = [type(curve) for curve in node.loops[0].curves]
     assert kinds.count(Arc) == 1
     assert kinds.count(Line) == 6
-    assert node.area == pytest.approx(26 * 6 + 20 * 6 + _ell_corner(2.0), rel=1e-9)
+    assert node.area == pytest.approx(26 * 6 + 20 * 6 + _ell_corner(2.0), rel=1e-8)
 
 
 def _ell_corner(distance: float) -> float:

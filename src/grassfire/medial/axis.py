@@ -21,6 +21,10 @@ from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Si
 from grassfire.medial.topology import Topology
 
 
+_ATTEMPTS = ((1, 1.0, 0.0), (4, 1.0, 0.0), (1, 1.0, 1.0), (2, 3.0, 1.0), (16, 1.0, 1.0))
+"""Density of the samples, factor on the smooth angle, least fan as a share of that angle."""
+
+
 @dataclass(frozen=True)
 class Edge:
     """A polynomial edge: vertices, (n + 1, 2) control points and (n + 1,) radii, mm."""
@@ -93,16 +97,17 @@ class MedialAxis:
     def edges(self) -> tuple[Edge, ...]:
         """Kept edges, in the order of the boundary."""
         _, number = self._kept
-        shift = np.array([self.sites.origin[0], self.sites.origin[1]])
-        return tuple(
-            Edge(
-                int(number[self.span.first[row]]),
-                int(number[self.span.last[row]]),
-                self.fit.coefficients[row][:, :2] + shift,
-                self.fit.coefficients[row][:, 2].copy(),
-            )
-            for row in np.flatnonzero(~self.pruned)
-        )
+        result = []
+        for row in np.flatnonzero(~self.pruned):
+            first, last = self.span.first[row], self.span.last[row]
+            table = self.fit.coefficients[row].copy()
+            # Nearly parallel contacts leave an end open along the axis; the vertex decides.
+            for index, vertex in ((0, first), (-1, last)):
+                table[index, :2] = self.fit.vertex_centre[vertex]
+                table[index, 2] = self.fit.vertex_radius[vertex]
+            points = table[:, :2] + self.sites.origin
+            result.append(Edge(int(number[first]), int(number[last]), points, table[:, 2]))
+        return tuple(result)
 
     # -- queries ----------------------------------------------------------------------------------
 
@@ -163,9 +168,12 @@ class MedialAxis:
         if not rows:
             return np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3)), np.zeros(0)
         row, place = np.concatenate(rows), np.concatenate(where)
+        # At smooth ends r' is 0 by nature and changes sign by rounding.
+        inner = np.flatnonzero((place > 1e-6) & (place < 1 - 1e-6))
+        row, place, sign = row[inner], place[inner], np.concatenate(signs)[inner]
         order = np.lexsort((place, row))
         row, place = row[order], place[order]
-        return row, place, self.disks(row, place), np.concatenate(signs)[order]
+        return row, place, self.disks(row, place), sign[order]
 
     @cached_property
     def by_degree(self) -> list[tuple[int, IntArray, FloatArray]]:
@@ -279,19 +287,20 @@ def medial_axis(
     if not tolerance > 0:
         raise GeometryError("the tolerance of the medial axis must be above 0")
     smooth_angle = _smooth_angle(region, tolerance, angular_tolerance)
-    sites, beziers = build_sites(region, smooth_angle)
-    samples = max(256, 2 * len(sites))
     last: GeometryError | None = None
-    # Whatever the samples missed breaks the pairing or the certificate: look again, closer.
-    for factor in (1, 4, 16):
-        search = BoundarySearch(sites, samples * factor)
+    # Whatever the samples missed breaks the pairing or the certificate: look again, closer. Turns
+    # between smooth and sharp that rounding cannot resolve are then taken as smooth.
+    for factor, widening, least_fan in _ATTEMPTS:
+        turn = widening * smooth_angle
         try:
-            topology = Topology(sites, search, 1e-11 * sites.size, smooth_angle)
+            sites, beziers = build_sites(region, turn, max(least_fan * turn, 1e-9))
+            search = BoundarySearch(sites, max(256, 2 * len(sites)) * factor)
+            topology = Topology(sites, search, 1e-11 * sites.size, turn)
             graph = build_graph(topology)
-            fit = fit_edges(sites, graph, 0.25 * tolerance)
+            fit = fit_edges(sites, graph, 0.05 * tolerance, max(0.5 * tolerance, 3e-8))
             certificate = certify(region, sites, search, graph, fit, tolerance)
         except GeometryError as error:
-            last = error
+            last = last or error
             continue
         pruned = _pruned(sites, graph, fit, angular_tolerance)
         return MedialAxis(

@@ -12,7 +12,6 @@ from grassfire.geometry import Arc, Bezier, Line, Region, simplify
 from grassfire.medial.sites import FloatArray, SiteKind, Sites, evaluate_rational
 
 _GRID = 33
-_LEAST_TURN = 1e-9
 _LARGEST_TURN = 0.5 * np.pi
 
 
@@ -58,7 +57,7 @@ class _Columns:
 
 
 def build_sites(
-    region: Region, smooth_angle: float = 1e-6
+    region: Region, smooth_angle: float = 1e-6, least_fan: float = 1e-9
 ) -> tuple[Sites, tuple[Bezier, ...]]:
     """Sites of a region, and the Bezier curves that its spirals are pieces of.
 
@@ -67,8 +66,10 @@ def build_sites(
     region : Region
     smooth_angle : float
         Convex turn below which a junction counts as smooth, radians. The disks next to it are
-        then off by their radius times half the square of the turn. Reflex corners have a fan
-        however small they are.
+        then off by their radius times half the square of the turn.
+    least_fan : float
+        Reflex turn below which a corner gets no fan of normals, radians: the axis then misses a
+        stretch of its radius times the turn.
 
     Raises
     ------
@@ -86,7 +87,7 @@ def build_sites(
     heads: list[int] = []
     for loop_index, loop in enumerate(region.loops):
         heads.append(len(columns.kind))
-        turns = loop.junctions(_LEAST_TURN).turn
+        turns = loop.junctions(least_fan).turn
         count = len(loop.curves)
         for index, curve in enumerate(loop.curves):
             place = (loop_index, index)
@@ -94,7 +95,9 @@ def build_sites(
                 _append_piece(columns, coefficients, beziers, piece, place, origin)
             # junctions row k is the one at the start of curve k
             turn = float(turns[(index + 1) % count])
-            _end_curve(columns, turn, smooth_angle, place, loop, (index + 1) % count, origin)
+            _end_curve(
+                columns, turn, (smooth_angle, least_fan), place, loop, (index + 1) % count, origin
+            )
         if len(columns.kind) == heads[-1]:
             raise GeometryError("a boundary loop has no extent", place=tuple(loop.curves[0].start))
     return _freeze(columns, coefficients, heads, origin, size), tuple(beziers)
@@ -162,7 +165,7 @@ def _append_piece(
 def _end_curve(
     columns: _Columns,
     turn: float,
-    smooth_angle: float,
+    angles: tuple[float, float],
     place: tuple[int, int],
     loop: object,
     following: int,
@@ -171,7 +174,8 @@ def _end_curve(
     """Mark a convex corner, or add the fan of a reflex one."""
     if not columns.kind:
         return
-    if turn >= -_LEAST_TURN:
+    smooth_angle, least_fan = angles
+    if turn >= -least_fan:
         columns.corner_after[-1] = turn > smooth_angle
         columns.turn_after[-1] = turn
     else:

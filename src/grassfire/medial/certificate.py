@@ -66,7 +66,7 @@ def certify(
     if len(fit.degree):
         disks, slope = _probe(fit)
         interpolation = _interpolation_error(sites, fit.span, disks, tolerance)
-        recovery = _recovery_error(sites, fit.span, disks, slope)
+        recovery = _recovery_error(sites, fit.span, disks, slope, tolerance)
         centre = np.concatenate([centre, disks[:, :, :2].reshape(-1, 2)])
         radius = np.concatenate([radius, disks[:, :, 2].ravel()])
     distance, _, _ = search.nearest(centre)
@@ -132,17 +132,19 @@ def _interpolation_error(
 
 
 def _recovery_error(
-    sites: Sites, span: Span, disks: FloatArray, slope: FloatArray
+    sites: Sites, span: Span, disks: FloatArray, slope: FloatArray, tolerance: float
 ) -> float:
     """Eq. (9): boundary from eq. (1), the envelope of the disks, against the boundary.
 
     c = m - r (r' m' -+ sqrt(|m'|^2 - r'^2) J m') / |m'|^2, on the side of the span. Probes where the
-    axis stands still (the ends of smooth branches) determine no envelope and are left out.
+    axis stands still (the ends of smooth branches), or pieces shorter than a thousand tolerances,
+    determine no envelope and are left out.
     """
     position, _ = _frames(sites, span)
     axis, radius = slope[:, :, :2], slope[:, :, 2]
     square = np.einsum("kni,kni->kn", axis, axis)
-    steady = square > (1e-3 * np.sqrt(square.max(axis=1, keepdims=True)) + 1e-9) ** 2
+    fastest = np.sqrt(square.max(axis=1, keepdims=True))
+    steady = square > np.maximum(0.1 * fastest, 1e3 * tolerance) ** 2
     safe = np.where(steady, square, 1.0)
     root = np.sqrt(np.maximum(safe - radius**2, 0.0))
     across = np.stack([-axis[:, :, 1], axis[:, :, 0]], axis=2)

@@ -109,16 +109,17 @@ def contact(
     rows = np.flatnonzero(kind == SiteKind.SPIRAL)
     if len(rows):
         parameter[rows], radius[rows] = _spiral(sites, near.take(rows), hint[rows])
+    # The end of a site at a reflex corner is the corner's to touch.
+    low, high = parameter <= sites.low[target], parameter >= sites.high[target]
+    point = sites.kind == SiteKind.POINT
+    corner = (low & point[sites.preceding[target]]) | (high & point[sites.following[target]])
+    radius[corner & ~point[target]] = np.inf
     # The point itself, met as the end of a neighbouring site, is no second contact.
-    rows = np.flatnonzero(radius < 1e-6 * sites.size)
+    rows = np.flatnonzero((radius < 1e-6 * sites.size) & (low | high | point[target]))
     if len(rows):
-        site, where = target[rows], parameter[rows]
-        chord = sites.point(site, where) - tangents.position[rows]
-        at_end = (where <= sites.low[site]) | (where >= sites.high[site])
-        at_end |= sites.kind[site] == SiteKind.POINT
+        chord = sites.point(target[rows], parameter[rows]) - tangents.position[rows]
         same = np.hypot(chord[:, 0], chord[:, 1]) <= 1e-12 * sites.size
-        radius[rows[same & at_end]] = np.inf
-        radius[rows[same & ~at_end]] = 0.0
+        radius[rows[same]] = np.inf
     return parameter, radius
 
 
@@ -204,7 +205,7 @@ def _line(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
     length = np.hypot(direction[:, 0], direction[:, 1])
     inward = np.stack([-direction[:, 1], direction[:, 0]], axis=1) / length[:, None]
     offset = np.where(near.adjacent[:, None], near.relative, position - start)
-    height = dot(inward, offset)
+    height = _above_noise(sites, near, dot(inward, offset))
     cosine = dot(normal, inward)
     sine = normal[:, 0] * inward[:, 1] - normal[:, 1] * inward[:, 0]
     # 1 - cos loses all digits for nearly parallel lines; sin^2 / (1 + cos) does not.
@@ -227,11 +228,12 @@ def _arc(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
     angle = start + near.end * sweep
     spoke = rim[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     beside = -dot(2 * spoke + near.relative, near.relative)
-    numerator = np.where(near.adjacent, beside, (rim - distance) * (rim + distance))
+    gap = _above_noise(sites, near, rim - distance)
+    numerator = np.where(near.adjacent, beside, gap * (rim + distance))
     denominator = 2 * (dot(normal, offset) + sign * rim)
     with np.errstate(divide="ignore", invalid="ignore"):
         radius = numerator / denominator
-    valid = np.isfinite(radius) & (radius >= 0) & (numerator * sign >= 0)
+    valid = np.isfinite(radius) & (radius > 0) & (numerator * sign > 0)
     radius = np.where(valid, radius, np.inf)
     towards = offset + np.where(valid, radius, 0.0)[:, None] * normal
     angle = np.arctan2(towards[:, 1], towards[:, 0])
@@ -262,6 +264,12 @@ def _disk(chord: FloatArray, height: FloatArray) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         radius = dot(chord, chord) / (2 * height)
     return np.where((height > 0) & np.isfinite(radius), radius, np.inf)
+
+
+def _above_noise(sites: Sites, near: _Near, height: FloatArray) -> FloatArray:
+    """Heights that are rounding only are none, unless the sites meet and they are exact."""
+    noise = ~near.adjacent & (np.abs(height) <= 4e-15 * sites.size)
+    return np.where(noise, 0.0, height)
 
 
 def _clip(
@@ -297,7 +305,7 @@ def _chords(sites: Sites, near: _Near, parameter: FloatArray) -> tuple[FloatArra
     """q - p (n, 2) and n.(q - p) (n,) at parameters of the targets."""
     position, normal = near.tangents.position, near.tangents.normal
     chord = sites.point(near.target, parameter) - position
-    height = dot(chord, normal)
+    height = _above_noise(sites, near, dot(chord, normal))
     rows = np.flatnonzero(near.same)
     if len(rows):
         step = (parameter - near.tangents.parameter)[rows]

@@ -154,13 +154,17 @@ def evaluate_span(
     return disks, facing
 
 
-def fit_edges(sites: Sites, graph: Graph, tolerance: float, depth: int = 40) -> Fit:
+def fit_edges(
+    sites: Sites, graph: Graph, tolerance: float, drawing_tolerance: float, depth: int = 40
+) -> Fit:
     """Interpolate every edge; halve those that no degree up to 12 brings below tolerance.
 
     Parameters
     ----------
     tolerance : float
         Largest deviation of centre and radius from the exact disk of the same parameter, mm.
+    drawing_tolerance : float
+        Pieces are short enough for 399 chords to draw each within this, mm.
 
     Raises
     ------
@@ -191,12 +195,71 @@ def fit_edges(sites: Sites, graph: Graph, tolerance: float, depth: int = 40) -> 
     every = Span.join([part[0] for part in done])
     degree = np.concatenate([part[1] for part in done])
     error = np.concatenate([part[2] for part in done])
+    every, source, flat = _drawable(sites, every, flat, joints, drawing_tolerance)
+    degree, error = degree[source], error[source]
     order = np.lexsort((every.start, every.edge))
     table = np.concatenate(joints)
     return Fit(
         every.take(order), degree[order], [flat[k] for k in order], error[order],
         table[:, :2], table[:, 2],
     )  # fmt: skip
+
+
+def _drawable(
+    sites: Sites,
+    span: Span,
+    coefficients: list[FloatArray],
+    joints: list[FloatArray],
+    tolerance: float,
+) -> tuple[Span, IntArray, list[FloatArray]]:
+    """Halve pieces until 399 chords draw each within `tolerance`; polynomials stay the same.
+
+    The sagitta of a chord is |x' cross x''| / |x'| times its parameter step squared over 8.
+    """
+    source = np.arange(len(span))
+    for _ in range(8):
+        bend = np.array([_bend(table) for table in coefficients])
+        long = np.flatnonzero(bend / (8 * 399**2) > tolerance)
+        if not len(long):
+            break
+        keep = np.setdiff1d(np.arange(len(span)), long)
+        halves, _ = _halve(sites, span.take(long), sum(len(part) for part in joints))
+        split = [_split(coefficients[row]) for row in long]
+        joints.append(np.array([left[-1] for left, _ in split]))
+        span = Span.join([span.take(keep), halves])
+        coefficients = [
+            *(coefficients[row] for row in keep),
+            *(left for left, _ in split),
+            *(right for _, right in split),
+        ]
+        source = np.concatenate([source[keep], source[long], source[long]])
+    return span, source, coefficients
+
+
+def _bend(table: FloatArray) -> float:
+    """Largest |x' cross x''| / |x'| of a piece."""
+    degree = len(table) - 1
+    if degree < 2:
+        return 0.0
+    first = degree * np.diff(table[:, :2], axis=0)
+    second = (degree - 1) * np.diff(first, axis=0)
+    fraction = np.linspace(0.0, 1.0, 9)
+    one = bernstein_matrix(degree - 1, fraction) @ first
+    two = bernstein_matrix(degree - 2, fraction) @ second
+    speed = np.hypot(one[:, 0], one[:, 1])
+    cross = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
+    return float(np.max(cross / np.maximum(speed, 1e-3 * speed.max() + 1e-300)))
+
+
+def _split(table: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """De Casteljau at 1/2."""
+    left, right = [table[0]], [table[-1]]
+    level = table
+    while len(level) > 1:
+        level = 0.5 * (level[:-1] + level[1:])
+        left.append(level[0])
+        right.append(level[-1])
+    return np.array(left), np.array(right[::-1])
 
 
 def _best_side(

@@ -167,35 +167,10 @@ class BoundarySearch:
             done = np.zeros(count, dtype=bool)
             done[rows[~changed & complete]] = True
             active = active[~done[active]]
-        self._prefer_corners(tangents, excluded, partner, parameter)
         bounded = best > limit * (1 + 1e-11)
         partner[bounded] = -1
         osculating = best >= limit * (1 - slack)
         return Contacts(np.minimum(best, limit), partner, parameter, osculating)
-
-    def _prefer_corners(
-        self,
-        tangents: Tangents,
-        excluded: IntArray,
-        partner: IntArray,
-        parameter: FloatArray,
-    ) -> None:
-        """A contact at the end of a curve at a reflex corner is a contact with the corner."""
-        sites = self.sites
-        for end, neighbour in ((sites.low, sites.preceding), (sites.high, sites.following)):
-            safe = np.maximum(partner, 0)
-            corner = neighbour[safe]
-            rows = (partner >= 0) & (parameter == end[safe])
-            rows &= (sites.kind[corner] == SiteKind.POINT) & (sites.kind[safe] != SiteKind.POINT)
-            rows &= np.all(excluded != corner[:, None], axis=1)
-            index = np.flatnonzero(rows)
-            if len(index):
-                target = corner[index]
-                none = np.full(len(index), np.nan)
-                where, radius = contact(sites, tangents.take(index), target, none)
-                seen = np.isfinite(radius)
-                partner[index[seen]] = target[seen]
-                parameter[index[seen]] = where[seen]
 
     def _shrink(self, position: FloatArray, normal: FloatArray, radius: FloatArray) -> FloatArray:
         """Shrink the disks until no sample lies inside by more than a percent or so."""

@@ -201,8 +201,13 @@ class Topology:
         mine = np.ones(len(before), dtype=bool)
         one = Tangents(position, normal, before, both_high)
         two = Tangents(other_position, other_normal, after, both_low)
-        disk = self._side_disks(contacts, ends, one, radius, centre)
-        other = self._side_disks(contacts, ends, two, radius, centre)
+        # Beside a contact arc the disk is known from the site across the arc.
+        known = np.where(ends, np.nan, contacts.parameter)
+        smooth = ends & ~held
+        facing = np.where(ends, left, contacts.partner)
+        disk = self._side_disks(np.where(smooth, -1, facing), known, one, radius, centre)
+        facing = np.where(ends, right, contacts.partner)
+        other = self._side_disks(np.where(smooth, -1, facing), known, two, radius, centre)
         own = Nodes.join(
             Nodes(
                 before, both_high, disk[1], left, left,
@@ -223,16 +228,15 @@ class Topology:
 
     def _side_disks(
         self,
-        contacts: Contacts,
-        ends: BoolArray,
+        partner: IntArray,
+        hint: FloatArray,
         tangents: Tangents,
         radius: FloatArray,
         centre: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """The disk of a junction as one of its sides sees it: they differ where it has a kink."""
-        partner = np.maximum(contacts.partner, 0)
-        _, own = contact(self.sites, tangents, partner, contacts.parameter)
-        use = ~ends & np.isfinite(own) & (np.abs(own - radius) <= 1e-3 * radius)
+        _, own = contact(self.sites, tangents, np.maximum(partner, 0), hint)
+        use = (partner >= 0) & np.isfinite(own) & (np.abs(own - radius) <= 1e-3 * radius)
         own = np.where(use, own, radius)
         moved = tangents.position + own[:, None] * tangents.normal
         return np.where(use[:, None], moved, centre), own

@@ -325,14 +325,15 @@ def _check_uncut(
     patch: float,
 ) -> tuple[list[float], list[Fault]]:
     """Return the uncut area of each target in mm2, and the faults."""
-    from scipy import ndimage
-
     areas, faults = [], []
     for target, reached, left in zip(targets, reach, removal.left, strict=True):
         area = float(np.count_nonzero(left)) * grid.cell**2
         areas.append(area)
         if not area:
             continue
+        # Late: good programs leave nothing, and need not wait for this import.
+        from scipy import ndimage
+
         field = left.reshape(grid.rows, grid.columns)
         label, _ = ndimage.label(field, structure=np.ones((3, 3)))
         size = np.bincount(label.ravel())
