@@ -21,7 +21,7 @@ BIN := .venv/bin
 demo: .venv/.run
 	$(BIN)/grassfire run jobs/bracket.toml --out out
 
-test: .venv/.dev
+test: lint
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
 
 lint: .venv/.dev

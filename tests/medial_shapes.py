@@ -74,9 +74,7 @@ def ell(arm: float = 30.0, width: float = 10.0) -> Region:
 
 
 def tee() -> Region:
-    return polygon(
-        [(-30, 0), (30, 0), (30, 12), (6, 12), (6, 40), (-6, 40), (-6, 12), (-30, 12)]
-    )
+    return polygon([(-30, 0), (30, 0), (30, 12), (6, 12), (6, 40), (-6, 40), (-6, 12), (-30, 12)])
 
 
 def cross(arm: float = 20.0, width: float = 8.0) -> Region:
@@ -215,7 +213,9 @@ def rounded_slot(decimals: int = 6) -> Region:
         heel + radius * across, heel - radius * polar(1.0, angle / 2),
     ]  # fmt: skip
     p = [np.round(point, decimals) for point in mark]
-    corner = np.round(_meeting(foot + (0, radius), (-1, 0), tip - radius * across, -along), decimals)
+    corner = np.round(
+        _meeting(foot + (0, radius), (-1, 0), tip - radius * across, -along), decimals
+    )
     return Region(
         Loop(
             (
@@ -231,9 +231,7 @@ def rounded_slot(decimals: int = 6) -> Region:
     )
 
 
-def _meeting(
-    first: ArrayLike, along: ArrayLike, second: ArrayLike, other: ArrayLike
-) -> FloatArray:
+def _meeting(first: ArrayLike, along: ArrayLike, second: ArrayLike, other: ArrayLike) -> FloatArray:
     """Where two lines meet."""
     p, d, q, e = (np.asarray(value, dtype=np.float64) for value in (first, along, second, other))
     share = np.linalg.solve(np.stack([d, -e], axis=1), q - p)[0]
@@ -419,7 +417,9 @@ def bent_spline(turn: float) -> Region:
 # -- sets -----------------------------------------------------------------------------------------
 
 
-def moved(region: Region, angle: float = 0.0, shift: ArrayLike = (0, 0), scale: float = 1) -> Region:
+def moved(
+    region: Region, angle: float = 0.0, shift: ArrayLike = (0, 0), scale: float = 1
+) -> Region:
     """Image under a similarity: scaled and turned about the origin, then shifted."""
     c, s = scale * np.cos(angle), scale * np.sin(angle)
     x, y = np.asarray(shift, dtype=np.float64)
@@ -477,12 +477,12 @@ BENT: dict[str, Callable[[], Region]] = {
 }
 
 PLACED: dict[str, Callable[[], Region]] = {
-    "blob-at-1e6": lambda: moved(blob(1), 0.3, (1e6, -9.3e5)),
+    "comma-at-1e6": lambda: moved(comma(), 0.3, (1e6, -9.3e5)),
     "ell-at-1e6": lambda: moved(ell(), 0.3, (1e6, -9.3e5)),
     "rounded-at-1e6": lambda: moved(rounded_rectangle(), 0.3, (1e6, -9.3e5)),
-    "blob-1e-3": lambda: moved(blob(1, size=1.0), scale=1e-3),
+    "blob-1e-3": lambda: moved(blob(1, 8, 1.0), scale=1e-3),
     "ell-1e-3": lambda: moved(ell(), scale=1e-3 / 30),
-    "blob-1e5": lambda: moved(blob(1, size=1.0), scale=1e5),
+    "comma-1e5": lambda: moved(comma(1.0), scale=1e5),
     "star-1e5": lambda: moved(star(5), scale=1e5 / 20),
 }
 

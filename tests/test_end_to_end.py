@@ -224,7 +224,8 @@ def _points(
 def clearances(points: np.ndarray, polygon: shapely.Geometry) -> np.ndarray:
     """Distance of points (n, 2) from the walls, negative outside."""
     where = shapely.points(points[:, :2])
-    inside = shapely.contains(shapely.prepare(polygon) or polygon, where)
+    shapely.prepare(polygon)
+    inside = shapely.contains(polygon, where)
     distance = shapely.distance(polygon.boundary, where)
     return np.where(inside, distance, -distance)
 

@@ -239,7 +239,7 @@ def _curvature_slope(coefficients: FloatArray, parameter: FloatArray) -> FloatAr
     cross_slope = first[:, 0] * third[:, 1] - first[:, 1] * third[:, 0]
     square = np.einsum("ij,ij->i", first, first)
     square_slope = 2 * np.einsum("ij,ij->i", first, second)
-    return cross_slope * square - 1.5 * cross * square_slope
+    return np.asarray(cross_slope * square - 1.5 * cross * square_slope)
 
 
 def _limit_turn(coefficients: FloatArray, cuts: FloatArray) -> FloatArray:

@@ -301,10 +301,12 @@ def _spiral(sites: Sites, near: _Near, hint: FloatArray) -> tuple[FloatArray, Fl
     return parameter, radius
 
 
-def _chords(sites: Sites, near: _Near, parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """q - p (n, 2) and n.(q - p) (n,) at parameters of the targets."""
+def _chords(
+    sites: Sites, near: _Near, parameter: FloatArray, point: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """q - p (n, 2) and n.(q - p) (n,) at parameters of the targets, where q is `point`."""
     position, normal = near.tangents.position, near.tangents.normal
-    chord = sites.point(near.target, parameter) - position
+    chord = point - position
     height = _above_noise(sites, near, dot(chord, normal))
     rows = np.flatnonzero(near.same)
     if len(rows):
@@ -331,8 +333,8 @@ def _stationarity(
     sites: Sites, near: _Near, parameter: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Derivative of (A) up to a positive factor, its derivative, and (A) itself."""
-    _, first, second = sites.derivatives(near.target, parameter, 2)
-    chord, height = _chords(sites, near, parameter)
+    point, first, second = sites.derivatives(near.target, parameter, 2)
+    chord, height = _chords(sites, near, parameter, point)
     rho = _disk(chord, height)
     finite = np.where(np.isfinite(rho), rho, 0.0)
     towards = chord - finite[:, None] * near.tangents.normal
@@ -359,7 +361,8 @@ def _newton(
         step = np.where(usable, step, 0.0)
         new = np.clip(value + step, low[active], high[active])
         parameter[active] = new
-        done = np.abs(new - value) <= 4e-16 * (1 + np.abs(value)) + 1e-15 * span[active]
+        # The step that is left out would be its square, or half of it at a double root.
+        done = np.abs(new - value) <= 1e-13 * span[active]
         inside = (new > low[active]) & (new < high[active])
         good[active] = done & usable & inside
         radius[active] = rho
@@ -372,8 +375,9 @@ def _bracketed(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
     grid = low[:, None] + (high - low)[:, None] * _GRID
     grid[:, -1] = high
     count, width = grid.shape
-    chord, height = _chords(sites, near.take(np.repeat(np.arange(count), width)), grid.ravel())
-    rho = _disk(chord, height).reshape(count, width)
+    repeated, flat = near.take(np.repeat(np.arange(count), width)), grid.ravel()
+    point = sites.point(repeated.target, flat)
+    rho = _disk(*_chords(sites, repeated, flat, point)).reshape(count, width)
     best = np.argmin(rho, axis=1)
     rows = np.arange(count)
     left = grid[rows, np.maximum(best - 1, 0)]
@@ -395,9 +399,10 @@ def _bracketed(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
             new = value - slope / curve
         inside = (new > left[active]) & (new < right[active]) & (curve > 0) & reached
         new = np.where(inside, new, 0.5 * (left[active] + right[active]))
-        done = np.abs(new - value) <= 1e-15 * (high - low)[active] + 4e-16 * np.abs(value)
-        parameter[active] = np.where(done, value, new)
+        done = np.abs(new - value) <= 1e-13 * (high - low)[active]
+        parameter[active] = new
         active = active[~done]
-    final = _disk(*_chords(sites, near, parameter))
+    point = sites.point(near.target, parameter)
+    final = _disk(*_chords(sites, near, parameter, point))
     worse = ~(final <= sampled)
     return np.where(worse, sample, parameter), np.where(worse, sampled, final)

@@ -452,7 +452,7 @@ class Topology:
             weight_right[active] = np.where(negative, weight_right[active], value)
             last[active] = np.where(negative, 1, -1)
             width = right[active] - left[active]
-            done = (width <= 4e-16 * (1 + np.abs(new))) | (np.abs(value) <= 2e-16)
+            done = (width <= 4e-15 * (1 + np.abs(new))) | (np.abs(value) <= 1e-15)
             active = active[~done]
             if not len(active):
                 break
