@@ -192,7 +192,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--judge", type=Path, help="Python file with a function measure()")
     parser.add_argument("--out", type=Path, help="keep the files here")
     parser.add_argument("--only", default="", help="part of a drawing's name")
-    parser.add_argument("--timeout", type=float, default=180.0, help="seconds per run")
+    parser.add_argument("--timeout", type=float, default=600.0, help="seconds per run")
     parser.add_argument("--workers", type=int, default=1)
     options = parser.parse_args(arguments)
     drawings = [

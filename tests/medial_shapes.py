@@ -149,7 +149,7 @@ def square_frame(outer: float = 40.0, inner: float = 16.0, turn: float = 0.0) ->
 def bent_strip(turn: float, length: float = 20.0, width: float = 10.0) -> Region:
     """Strip whose lower wall turns by `turn` radians in its middle: a nearly tangent junction."""
     far = length * np.array([1 + np.cos(turn), np.sin(turn)])
-    return polygon([(0, 0), (length, 0), far, far + (0, width), (0, width)])
+    return polygon([(0, 0), (length, 0), far, far + np.array([0, width]), (0, width)])
 
 
 # -- lines and arcs -------------------------------------------------------------------------------
@@ -207,15 +207,14 @@ def rounded_slot(decimals: int = 6) -> Region:
     along, across = polar(1.0, angle), polar(1.0, angle + np.pi / 2)
     heel, foot = np.array([0.0, 0.0]), np.array([17.3, 0.0])
     tip, radius = heel + 23.7 * along, 4.1
+    up = np.array([0.0, radius])
     mark = [
-        heel + (0, -radius), foot + (0, -radius), foot + (radius, 0.0), foot + (0, radius),
+        heel - up, foot - up, foot + np.array([radius, 0.0]), foot + up,
         tip - radius * across, tip + radius * along, tip + radius * across,
         heel + radius * across, heel - radius * polar(1.0, angle / 2),
     ]  # fmt: skip
     p = [np.round(point, decimals) for point in mark]
-    corner = np.round(
-        _meeting(foot + (0, radius), (-1, 0), tip - radius * across, -along), decimals
-    )
+    corner = np.round(_meeting(foot + up, (-1, 0), tip - radius * across, -along), decimals)
     return Region(
         Loop(
             (
@@ -455,12 +454,9 @@ SIMPLE: dict[str, Callable[[], Region]] = {
 FREE: dict[str, Callable[[], Region]] = {
     "ellipse": ellipse,
     "ellipse-flat": lambda: ellipse(30.0, 3.0),
-    "ellipse-quarters": lambda: ellipse(parts=4),
     "blob-1": lambda: blob(1),
     "blob-2": lambda: blob(2, 22),
-    "blob-3": lambda: blob(3, 30),
-    "blob-islands-1": lambda: blob_with_islands(1),
-    "blob-islands-2": lambda: blob_with_islands(2, 24, 3),
+    "blob-islands": lambda: blob_with_islands(8, 14, 2),
     "hand": hand,
     "letter-d": letter_d,
     "letter-s": letter_s,
@@ -471,8 +467,11 @@ FREE: dict[str, Callable[[], Region]] = {
 
 BENT: dict[str, Callable[[], Region]] = {
     f"{name}{turn:+.0e}": lambda make=make, turn=turn: make(turn)  # type: ignore[misc]
-    for name, make in (("strip", bent_strip), ("lens", bent_spline))
-    for size in (1e-7, 1e-5, 1e-3, 1e-2)
+    for name, make, sizes in (
+        ("strip", bent_strip, (1e-7, 1e-5, 1e-3, 1e-2)),
+        ("lens", bent_spline, (1e-5, 1e-2)),
+    )
+    for size in sizes
     for turn in (size, -size)
 }
 

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import medial_shapes as shapes
 import pytest
 
+import medial_shapes as shapes
 from grassfire.geometry import Bezier, Line, Region
 from grassfire.medial import medial_axis
 
@@ -22,13 +22,13 @@ pytestmark = pytest.mark.skipif(
 
 # Curves only: the judge's brute force needs fine chords everywhere, and leaves lines whole.
 FREE_FORM: dict[str, Callable[[], Region]] = {
-    "blob-14": lambda: shapes.blob(12, 14),
+    "blob-14": lambda: shapes.blob(12, 14, 30.0),
     "blob-18": lambda: shapes.blob(9, 18, 30.0),
-    "blob-22": lambda: shapes.blob(10, 22, 30.0),
-    "blob-30": lambda: shapes.blob(15, 30, 30.0),
-    "blob-one-island": lambda: shapes.blob_with_islands(12, 14, 1, 30.0),
-    "blob-two-islands": lambda: shapes.blob_with_islands(4, 14, 2, 30.0),
-    "blob-three-islands": lambda: shapes.blob_with_islands(8, 14, 3, 30.0),
+    "blob-22": lambda: shapes.blob(10, 22, 20.0),
+    "blob-30": lambda: shapes.blob(15, 30, 20.0),
+    "blob-one-island": lambda: shapes.blob_with_islands(12, 14, 1, 20.0),
+    "blob-two-islands": lambda: shapes.blob_with_islands(4, 14, 2, 20.0),
+    "blob-three-islands": lambda: shapes.blob_with_islands(8, 14, 3, 20.0),
     "hand": lambda: shapes.moved(shapes.hand(), scale=0.5),
     "letter-o": shapes.letter_o,
     "comma": shapes.comma,
@@ -62,7 +62,7 @@ def segments(region: Region) -> list[list[tuple[Any, ...]]]:
 def test_the_judge_finds_nothing(name: str, judge: Callable[..., dict[str, Any]]) -> None:
     region = FREE_FORM[name]()
     entry = medial_axis(region, 1e-6).to_dict()
-    figures = judge(entry, segments(region), samples=9, probes=40)
+    figures = judge(entry, segments(region), samples=9, probes=24)
     assert figures["euler_ok"]
     assert figures["disk_error"] <= 1e-6
     assert figures["missing_pct"] == 0.0

@@ -211,7 +211,7 @@ def _line(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
     # 1 - cos loses all digits for nearly parallel lines; sin^2 / (1 + cos) does not.
     slack = np.where(cosine > 0, sine**2 / (1 + np.maximum(cosine, 0)), 1 - cosine)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        radius = np.where((height > 0) & (slack > 1e-30), height / slack, np.inf)
+        radius = np.where((height >= 0) & (slack > 1e-30), height / slack, np.inf)
     finite = np.isfinite(radius)
     centre = position + np.where(finite, radius, 0.0)[:, None] * normal
     parameter = np.where(finite, dot(centre - start, direction) / length**2, np.nan)
@@ -229,11 +229,13 @@ def _arc(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
     spoke = rim[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     beside = -dot(2 * spoke + near.relative, near.relative)
     gap = _above_noise(sites, near, rim - distance)
+    gap = np.where((gap * sign < 0) & (np.abs(gap) <= 1e-12 * sites.size), 0.0, gap)
     numerator = np.where(near.adjacent, beside, gap * (rim + distance))
     denominator = 2 * (dot(normal, offset) + sign * rim)
     with np.errstate(divide="ignore", invalid="ignore"):
         radius = numerator / denominator
-    valid = np.isfinite(radius) & (radius > 0) & (numerator * sign > 0)
+    # Walls that touch leave a disk of no radius, which is a contact.
+    valid = np.isfinite(radius) & (radius >= 0) & (numerator * sign >= 0)
     radius = np.where(valid, radius, np.inf)
     towards = offset + np.where(valid, radius, 0.0)[:, None] * normal
     angle = np.arctan2(towards[:, 1], towards[:, 0])

@@ -107,20 +107,19 @@ class Topology:
         rounded &= ~sites.corner_after & ~sites.corner_after[sites.preceding]
         rows = np.flatnonzero(rounded)
         if len(rows):
-            contacts = self._disks(rows, np.full(len(rows), 0.5), self._own(rows))
-            result[rows] = contacts.osculating
-            # Arcs of one circle (a split circle, a notched one) touch one disk together.
-            loose = rows[~result[rows]]
-            if len(loose):
-                away, near, _ = self.search.nearest(sites.anchor[loose], self._own(loose))
-                same = np.hypot(*(sites.anchor[near] - sites.anchor[loose]).T) <= self.snap
-                result[loose] = same & (away >= sites.radius[loose] - self.snap)
+            away, _, _ = self.search.nearest(sites.anchor[rows], self._own(rows))
+            result[rows] = away >= sites.radius[rows] * (1 - self.slack) - self.snap
         return result
 
-    def _disks(self, site: IntArray, parameter: FloatArray, excluded: IntArray) -> Contacts:
+    def _disks(
+        self, site: IntArray, parameter: FloatArray
+    ) -> tuple[FloatArray, FloatArray, Contacts]:
+        """Points, normals and maximal disks at parameters of sites."""
         position, normal, curvature = self.sites.frame(site, parameter)
         tangents = Tangents(position, normal, site, parameter)
-        return self.search.maximal_disks(tangents, curvature, excluded, self.slack)
+        own = self._own(site)
+        contacts = self.search.maximal_disks(tangents, curvature, own, self.slack)
+        return position, normal, contacts
 
     def _own(self, site: IntArray) -> IntArray:
         """(n, 3) sites that a disk at `site` cannot touch again: itself, and round a reflex corner.
@@ -296,9 +295,7 @@ class Topology:
         A node whose contact is a junction is an event; as that junction has a disk of its own, it
         is kept only where `junctions` asks for it.
         """
-        position, normal, curvature = self.sites.frame(site, parameter)
-        tangents = Tangents(position, normal, site, parameter)
-        contacts = self.search.maximal_disks(tangents, curvature, self._own(site))
+        position, normal, contacts = self._disks(site, parameter)
         # No partner: the point lies within rounding of an end, which its site's ends carry.
         known = contacts.partner >= 0
         site, parameter = site[known], parameter[known]
@@ -387,9 +384,7 @@ class Topology:
             place = nodes.centre[bad] + self.sites.origin
             raise GeometryError("a contact arc is interrupted", place=tuple(place))
         parameter, radius, facing = self._crossing(rows, one, other)
-        position, normal, curvature = self.sites.frame(site, parameter)
-        tangents = Tangents(position, normal, site, parameter)
-        contacts = self.search.maximal_disks(tangents, curvature, self._own(site))
+        position, normal, contacts = self._disks(site, parameter)
         slack = self.snap * 0.1 + 1e-13 * self.sites.size
         known = contacts.partner >= 0
         third = known & (contacts.radius < radius - slack)

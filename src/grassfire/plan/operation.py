@@ -300,7 +300,7 @@ def _nothing_fits(
         f"tool {tool.number} ({tool.diameter:g} mm) fits nowhere"
         + (allowance if operation.radial_allowance else ""),
         place=_place(widest[1]),
-        remedy=f"the largest tool that fits has {math.floor(largest * 1e4) / 1e4:.6g} mm, there",
+        remedy=f"the largest tool that fits has {math.floor(largest * 1e4 + 1e-3) / 1e4:.6g} mm, there",
     )
 
 
