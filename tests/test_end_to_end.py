@@ -22,7 +22,7 @@ import shapely
 
 from grassfire import GrassfireError, PlanningError, load_job, read_program, read_regions, run
 from grassfire.app import judge, verify_file
-from grassfire.app.stages import read_drawings
+from grassfire.app.stages import read_drawings, targets_of
 from grassfire.geometry import flatten
 from grbl_rules import faults as grbl_faults
 from verify_samples import Harm, SlowJudge
@@ -205,7 +205,7 @@ def _points(
     if motion < 2:
         count = max(2, math.ceil(np.linalg.norm(end - begin) / step) + 1)
         return begin + (end - begin) * np.linspace(0, 1, count)[:, None]
-    centre = begin[:2] + [float(words.get("I", 0)), float(words.get("J", 0))]
+    centre = begin[:2] + np.array([float(words.get("I", 0)), float(words.get("J", 0))])
     first, last = begin[:2] - centre, end[:2] - centre
     turn = math.atan2(last[1], last[0]) - math.atan2(first[1], first[0])
     turn = turn % (2 * math.pi) if motion == 3 else -(-turn % (2 * math.pi))
@@ -262,9 +262,7 @@ def test_a_drawing_becomes_a_program_that_clears_its_pocket(case: Case, tmp_path
 
 def test_the_same_job_gives_the_same_bytes(tmp_path: Path) -> None:
     job = write_job(tmp_path, CASES[0])
-    texts = [
-        run(job, out=tmp_path / name).files["program"].read_bytes() for name in ("one", "two")
-    ]
+    texts = [run(job, out=tmp_path / name).files["program"].read_bytes() for name in ("one", "two")]
     assert texts[0] == texts[1]
 
 
@@ -278,7 +276,7 @@ def test_a_contour_without_room_is_a_finding_beside_others_with(tmp_path: Path) 
 
 
 def test_no_room_anywhere_is_one_error_with_the_largest_tool(tmp_path: Path) -> None:
-    with pytest.raises(PlanningError, match="fits nowhere.*the largest tool that fits has 20"):
+    with pytest.raises(PlanningError, match=r"fits nowhere.*the largest tool that fits has 20 mm"):
         run(write_job(tmp_path, Case(wide_and_narrow, 25.0, "grbl")), out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
@@ -453,9 +451,7 @@ def mutated(text: str, name: str, seed: int) -> tuple[str, Callable[..., None]]:
 
 def _slow(name: str, text: str) -> Harm:
     job = load_job(ROOT / "jobs" / f"{name}.toml")
-    from grassfire.app.stages import _targets
-
-    return SlowJudge(_targets(job, read_drawings(job)), slices=3).judge(read_program(text))
+    return SlowJudge(targets_of(job, read_drawings(job)), slices=3).judge(read_program(text))
 
 
 @pytest.fixture(scope="session")

@@ -206,6 +206,30 @@ def test_cutting_with_a_standing_spindle_is_a_finding() -> None:
     assert program.findings == ("line 2: the tool feeds while the spindle stands",)
 
 
+def test_a_spindle_that_stops_midway_begins_a_section() -> None:
+    text = "(operation 1: a, tool 2 D6)\nS900 M3\nG0 X0 Y0 Z5\nG1 X1 F100\nM5\nX2\nM3\nX3\nS800\nX4"
+    sections = read_program(text).sections
+    assert [part.spindle_speed for part in sections] == [900, 0, 900, 800]
+    assert [len(part.toolpath) for part in sections] == [2, 1, 1, 1]
+    assert {(part.tool_number, part.tool_diameter, part.operation) for part in sections} == {
+        (2, 6.0, 0)
+    }
+    assert np.array_equal(sections[1].toolpath.start, [1, 0, 5])
+
+
+@pytest.mark.parametrize(
+    ("start", "speed"), [("S900", 0), ("M3", 0), ("S900 M3", 900), ("S900 M3\nM5", 0)]
+)
+def test_a_spindle_turns_with_both_a_speed_and_a_start(start: str, speed: float) -> None:
+    sections = read_program(f"{start}\nG0 X0 Y0 Z5\nG1 X1 F100").sections
+    assert [part.spindle_speed for part in sections] == [speed]
+
+
+def test_a_stop_after_the_last_cut_leaves_the_section_whole() -> None:
+    sections = read_program("S900 M3\nG0 X0 Y0 Z5\nG1 X1 F100\nM5\nG0 Z9").sections
+    assert [part.spindle_speed for part in sections] == [900]
+
+
 @pytest.mark.parametrize(
     "block", ["G28", "G30", "G53 G0 X0 Y0 Z0", "M6", "G28 X1 Y1 Z9", "G91 G28 X0 Y0 Z0\nG90"]
 )

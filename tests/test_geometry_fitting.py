@@ -239,3 +239,32 @@ class TestFeatures:
     def test_smooth_full_knot_is_no_corner(self) -> None:
         smooth = BSpline(2, [0, 0, 0, 1, 1, 2, 2, 2], [[0, 0], [1, 1], [2, 1], [3, 1], [4, 0]])
         assert split_at_corners(smooth, 1e-4) == (smooth,)
+
+
+@pytest.mark.parametrize("distance", [-30.0, -3.0, 4.0, 40.0])
+def test_offsets_of_nearly_straight_and_round_curves_keep_their_ends(distance: float) -> None:
+    flat = Bezier([[0, 0], [10, 1e-4], [20, -1e-4], [30, 0]])
+    kappa = 4 / 3 * np.tan(np.pi / 16)
+    arc = Bezier(
+        50
+        * np.array(
+            [
+                [1, 0],
+                [1, kappa],
+                [
+                    np.cos(np.pi / 4) + kappa * np.sin(np.pi / 4),
+                    np.sin(np.pi / 4) - kappa * np.cos(np.pi / 4),
+                ],
+                [np.cos(np.pi / 4), np.sin(np.pi / 4)],
+            ]
+        )
+    )
+    for base in (flat, arc):
+        curve = ParallelCurve(base, distance)
+        simple = simplify(curve, 1e-3)
+        assert isinstance(simple, (Line, Arc))
+        pieces = fit_arcs(curve, 1e-3)
+        for start, end in ((simple.start, simple.end), (pieces[0].start, pieces[-1].end)):
+            assert np.allclose(start, curve.start, rtol=0, atol=1e-10)
+            assert np.allclose(end, curve.end, rtol=0, atol=1e-10)
+        assert deviation_from(curve, pieces) <= 1e-3

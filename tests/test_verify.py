@@ -19,7 +19,7 @@ from shapely.geometry import LineString, Point, box
 from grassfire.errors import InputError
 from grassfire.gcode import read_program
 from grassfire.toolpath import Program, Section, ToolpathBuilder
-from grassfire.verify import Target, Verification, verify
+from grassfire.verify import Target, Verification, count_program, verify
 from grassfire.verify.clock import move_times
 from grassfire.verify.gouge import Walls, stretches_between
 from grassfire.verify.path import Path, flatten_program
@@ -503,3 +503,12 @@ def test_a_long_program_is_judged_in_seconds() -> None:
     result = judge(builder, target(entry="plunge", depth=1.0))
     assert time.process_time() - start < 10.0
     assert result.operations[0].moves == 50_001
+
+
+def test_counts_without_judgement_are_those_of_the_judgement() -> None:
+    sample = SAMPLES["two tools"]
+    read = read_program(sample.text)
+    counts = count_program(read, sample.targets, **MACHINE, stock_top=0.0)
+    for result in verify(read, sample.targets, **MACHINE).operations:
+        for name, value in vars(counts[result.operation]).items():
+            assert getattr(result, name) == value

@@ -196,7 +196,7 @@ def emit(job: Job, watch: Stopwatch) -> Emitted:
     return Emitted(job, post, drawings, planned, text, program_read, _unique(found))
 
 
-def _targets(job: Job, drawings: Sequence[Drawing]) -> tuple[Target, ...]:
+def targets_of(job: Job, drawings: Sequence[Drawing]) -> tuple[Target, ...]:
     """What each operation must leave: the drawn pockets, depths, tools, allowances, limits."""
     from shapely.geometry import MultiPolygon
 
@@ -257,7 +257,7 @@ def judge(job: Job, drawings: Sequence[Drawing], program: Program) -> Verificati
 
     return verify(
         program,
-        _targets(job, drawings),
+        targets_of(job, drawings),
         rapid=job.machine.rapid,
         acceleration=job.machine.acceleration,
         junction_deviation=job.machine.junction_deviation,
@@ -286,7 +286,7 @@ def unjudged_figures(emitted: Emitted) -> tuple[OperationFigures, ...]:
     job = emitted.job
     counts = count_program(
         emitted.program,
-        _targets(job, emitted.drawings),
+        targets_of(job, emitted.drawings),
         rapid=job.machine.rapid,
         acceleration=job.machine.acceleration,
         junction_deviation=job.machine.junction_deviation,

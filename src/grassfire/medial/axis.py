@@ -21,8 +21,15 @@ from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Si
 from grassfire.medial.topology import Topology
 
 
-_ATTEMPTS = ((1, 1.0, 0.0), (4, 1.0, 0.0), (1, 1.0, 1.0), (2, 3.0, 1.0), (16, 1.0, 1.0))
-"""Density of the samples, factor on the smooth angle, least fan as a share of that angle."""
+_ATTEMPTS = (
+    (1, 1.0, 0.0, 1.0),
+    (4, 1.0, 0.0, 10.0),
+    (1, 1.0, 1.0, 100.0),
+    (2, 3.0, 1.0, 1.0),
+    (16, 1.0, 1.0, 10.0),
+)
+"""Density of the samples, factor on the smooth angle, least fan as a share of that angle, factor
+on the length below which two boundary points are one."""
 
 
 @dataclass(frozen=True)
@@ -290,12 +297,12 @@ def medial_axis(
     last: GeometryError | None = None
     # Whatever the samples missed breaks the pairing or the certificate: look again, closer. Turns
     # between smooth and sharp that rounding cannot resolve are then taken as smooth.
-    for factor, widening, least_fan in _ATTEMPTS:
+    for factor, widening, least_fan, blur in _ATTEMPTS:
         turn = widening * smooth_angle
         try:
             sites, beziers = build_sites(region, turn, max(least_fan * turn, 1e-9))
             search = BoundarySearch(sites, max(256, 2 * len(sites)) * factor)
-            topology = Topology(sites, search, 1e-11 * sites.size, turn)
+            topology = Topology(sites, search, blur * _rounding(region, sites), turn)
             graph = build_graph(topology)
             fit = fit_edges(sites, graph, 0.05 * tolerance, max(0.5 * tolerance, 3e-8))
             certificate = certify(region, sites, search, graph, fit, tolerance)
@@ -308,6 +315,11 @@ def medial_axis(
         )
     assert last is not None
     raise last
+
+
+def _rounding(region: Region, sites: Sites) -> float:
+    """Length that the rounding of coordinates makes of a point, mm."""
+    return 1e-11 * sites.size + 1e-14 * float(np.max(np.abs(region.bounds())))
 
 
 def _smooth_angle(region: Region, tolerance: float, angular_tolerance: float) -> float:

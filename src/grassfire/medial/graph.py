@@ -138,13 +138,13 @@ def _stays(topology: Topology, intervals: Intervals) -> np.ndarray:
     radius = np.where(np.isfinite(radius), radius, 0.0)
     centre = position + radius[:, None] * normal
     away = centre - np.repeat(topology.nodes.centre[intervals.first_node], 3, axis=0)
-    limit = 10 * cluster_length(sites)
+    limit = 10 * cluster_length(topology)
     return np.asarray(np.all((np.hypot(away[:, 0], away[:, 1]) <= limit).reshape(-1, 3), axis=1))
 
 
-def cluster_length(sites: Sites) -> float:
+def cluster_length(topology: Topology) -> float:
     """Distance below which two events are one vertex, mm."""
-    return 1e-9 * sites.size
+    return max(1e-9 * topology.sites.size, 10 * topology.snap)
 
 
 def _vertices(topology: Topology, intervals: Intervals) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -155,7 +155,7 @@ def _vertices(topology: Topology, intervals: Intervals) -> tuple[IntArray, Float
     centre, radius = nodes.centre[events], nodes.radius[events]
     links = [np.stack([identity, identity])]
     tree = cKDTree(np.concatenate([centre, radius[:, None]], axis=1))
-    near = tree.query_pairs(cluster_length(topology.sites), output_type="ndarray")
+    near = tree.query_pairs(cluster_length(topology), output_type="ndarray")
     links.append(np.stack([identity[near[:, 0]], identity[near[:, 1]]]))
     links.append(_triples(topology, events))
     rows, columns = np.concatenate(links, axis=1)

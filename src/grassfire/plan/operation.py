@@ -295,12 +295,14 @@ def _nothing_fits(
             remedy='set entry = "plunge" or take a smaller tool',
         )
     largest = max(2 * (widest[0] - operation.radial_allowance), 0.0)
+    # downwards, but not for what is rounding alone
+    rounded = math.floor(largest * 1e4 + 1e-2) / 1e4
     allowance = f" with {operation.radial_allowance:g} mm allowance"
     return PlanningError(
         f"tool {tool.number} ({tool.diameter:g} mm) fits nowhere"
         + (allowance if operation.radial_allowance else ""),
         place=_place(widest[1]),
-        remedy=f"the largest tool that fits has {math.floor(largest * 1e4 + 1e-3) / 1e4:.6g} mm, there",
+        remedy=f"the largest tool that fits has {rounded:.6g} mm, there",
     )
 
 
