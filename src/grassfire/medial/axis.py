@@ -20,7 +20,6 @@ from grassfire.medial.search import BoundarySearch
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
 from grassfire.medial.topology import Topology
 
-
 _ATTEMPTS = (
     (1, 1.0, 0.0, 1.0),
     (4, 1.0, 0.0, 10.0),
@@ -91,7 +90,7 @@ class MedialAxis:
 
     @property
     def vertex_kind(self) -> list[str]:
-        """"corner", "end", "joint" or "branch" for each vertex."""
+        """ "corner", "end", "joint" or "branch" for each vertex."""
         _, number = self._kept
         kept = ~self.pruned
         ends = number[np.concatenate([self.span.first[kept], self.span.last[kept]])]
@@ -136,7 +135,9 @@ class MedialAxis:
         inside = np.einsum("ij,ij->i", local - position, normal) >= 0
         low, high = parameter <= sites.low[site], parameter >= sites.high[site]
         # The nearest point is a convex corner only from outside, a reflex one only from inside.
-        convex = (high & sites.corner_after[site]) | (low & sites.corner_after[sites.preceding[site]])
+        convex = (high & sites.corner_after[site]) | (
+            low & sites.corner_after[sites.preceding[site]]
+        )
         point = sites.kind == SiteKind.POINT
         reflex = point[site] | (high & point[sites.following[site]])
         reflex |= low & point[sites.preceding[site]]
@@ -160,7 +161,9 @@ class MedialAxis:
             scale = np.abs(slope).max(axis=1)
             values = slope @ bernstein_matrix(degree - 1, fraction).T
             values[np.abs(values) <= 1e-12 * scale[:, None]] = 0.0
-            change = (values[:, :-1] * values[:, 1:] < 0) & (scale > 1e-12 * self.sites.size)[:, None]
+            change = (values[:, :-1] * values[:, 1:] < 0) & (scale > 1e-12 * self.sites.size)[
+                :, None
+            ]
             row, column = np.nonzero(change)
             left, right = fraction[column], fraction[column + 1]
             sign = np.sign(values[row, column])
@@ -188,7 +191,9 @@ class MedialAxis:
         groups = []
         for degree in np.unique(self.fit.degree):
             members = np.flatnonzero(self.fit.degree == degree)
-            groups.append((int(degree), members, np.stack([self.fit.coefficients[m] for m in members])))
+            groups.append(
+                (int(degree), members, np.stack([self.fit.coefficients[m] for m in members]))
+            )
         return groups
 
     def disks(self, row: IntArray, fraction: FloatArray) -> FloatArray:
@@ -304,7 +309,8 @@ def medial_axis(
             search = BoundarySearch(sites, max(256, 2 * len(sites)) * factor)
             topology = Topology(sites, search, blur * _rounding(region, sites), turn)
             graph = build_graph(topology)
-            fit = fit_edges(sites, graph, 0.05 * tolerance, max(0.5 * tolerance, 3e-8))
+            accuracy = max(0.05 * tolerance, min(0.5 * tolerance, 4e-12 * sites.size))
+            fit = fit_edges(sites, graph, accuracy, max(0.5 * tolerance, 3e-8))
             certificate = certify(region, sites, search, graph, fit, tolerance)
         except GeometryError as error:
             last = last or error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -150,7 +151,7 @@ def _append_piece(
         coefficients.append(power)
         beziers.append(piece)
         cuts = spiral_cuts(power)
-        for low, high in zip(cuts[:-1], cuts[1:], strict=True):
+        for low, high in pairwise(cuts):
             columns.add(
                 SiteKind.SPIRAL,
                 np.zeros(2),
@@ -251,7 +252,7 @@ def _limit_turn(coefficients: FloatArray, cuts: FloatArray) -> FloatArray:
         [[0.0], np.cumsum(np.abs(np.arctan2(cross, np.einsum("ij,ij->i", first[:-1], first[1:]))))]
     )
     result = [cuts[0]]
-    for low, high in zip(cuts[:-1], cuts[1:], strict=True):
+    for low, high in pairwise(cuts):
         start, end = np.interp([low, high], fine, turn)
         parts = max(1, int(np.ceil((end - start) / _LARGEST_TURN)))
         inner = np.interp(np.linspace(start, end, parts + 1)[1:-1], turn, fine)

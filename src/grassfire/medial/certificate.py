@@ -122,9 +122,7 @@ def _frames(sites: Sites, span: Span) -> tuple[FloatArray, FloatArray]:
     return position.reshape(-1, width, 2), normal.reshape(-1, width, 2)
 
 
-def _interpolation_error(
-    sites: Sites, span: Span, disks: FloatArray, tolerance: float
-) -> float:
+def _interpolation_error(sites: Sites, span: Span, disks: FloatArray, tolerance: float) -> float:
     """Eq. (8), times r*: how far n.(c* - c) is from r*."""
     position, normal = _frames(sites, span)
     along = np.einsum("kni,kni->kn", normal, disks[:, :, :2] - position)
@@ -136,9 +134,9 @@ def _recovery_error(
 ) -> float:
     """Eq. (9): boundary from eq. (1), the envelope of the disks, against the boundary.
 
-    c = m - r (r' m' -+ sqrt(|m'|^2 - r'^2) J m') / |m'|^2, on the side of the span. Probes where the
-    axis stands still (the ends of smooth branches), or pieces shorter than a thousand tolerances,
-    determine no envelope and are left out.
+    c = m - r (r' m' -+ sqrt(|m'|^2 - r'^2) J m') / |m'|^2, on the side of the span. Probes
+    where the axis stands still (the ends of smooth branches), or pieces shorter than a thousand
+    tolerances, determine no envelope and are left out.
     """
     position, _ = _frames(sites, span)
     axis, radius = slope[:, :, :2], slope[:, :, 2]
@@ -167,7 +165,9 @@ def _cell_area(sites: Sites, graph: Graph, fit: Fit) -> float:
     total = 0.0
     for span in (fit.span, fit.span.swapped()) if len(fit.degree) else ():
         disks, _ = evaluate_span(sites, span, fraction)
-        total += _side_area(sites, span.site, span.start, span.end, disks[:, :, 2], fraction, weight)
+        total += _side_area(
+            sites, span.site, span.start, span.end, disks[:, :, 2], fraction, weight
+        )
     whole = np.flatnonzero(graph.partner == WHOLE)
     if len(whole):
         radius = np.repeat(graph.vertex_radius[graph.first[whole], None], len(fraction), axis=1)

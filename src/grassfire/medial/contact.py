@@ -1,9 +1,9 @@
 """Contacts: the smallest disk that is tangent at one boundary point and reaches another site.
 
 Minimises (A), r = |q - p|^2 / (2 n.(q - p)), over the closed site. Lines, arcs and points have
-closed forms, spirals are solved by Newton's method. Near a smooth end or a flat corner both |q - p|^2
-and n.(q - p) are differences of nearly equal numbers; there they are formed from divided differences
-of the curves themselves, which do not cancel.
+closed forms, spirals are solved by Newton's method. Near a smooth end or a flat corner both
+|q - p|^2 and n.(q - p) are differences of nearly equal numbers; there they are formed from divided
+differences of the curves themselves, which do not cancel.
 """
 
 from __future__ import annotations
@@ -24,9 +24,7 @@ from grassfire.medial.sites import (
 
 # At flat corners only a sliver next to the end can be touched: the grid crowds towards both ends.
 _CROWD = 10.0 ** np.arange(-8, -1)
-_GRID = np.concatenate(
-    [[0.0], _CROWD, np.linspace(0.0, 1.0, 15)[1:-1], 1 - _CROWD[::-1], [1.0]]
-)
+_GRID = np.concatenate([[0.0], _CROWD, np.linspace(0.0, 1.0, 15)[1:-1], 1 - _CROWD[::-1], [1.0]])
 
 
 @dataclass(frozen=True)
@@ -140,9 +138,7 @@ def _near(sites: Sites, tangents: Tangents, target: IntArray) -> _Near:
     return _Near(tangents, target, same, adjacent & ~same, far, relative, rise)
 
 
-def _from_end(
-    sites: Sites, tangents: Tangents, end: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _from_end(sites: Sites, tangents: Tangents, end: FloatArray) -> tuple[FloatArray, FloatArray]:
     """p - j and n.(j - p) for the point j at `end` of the point's own site."""
     own, u = tangents.site, tangents.parameter
     kind = sites.kind[own]
@@ -247,9 +243,7 @@ def _arc(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
 
 def _point(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
     position, normal, target = near.tangents.position, near.tangents.normal, near.target
-    chord = np.where(
-        near.adjacent[:, None], -near.relative, sites.anchor[target] - position
-    )
+    chord = np.where(near.adjacent[:, None], -near.relative, sites.anchor[target] - position)
     height = np.where(near.adjacent, near.rise, dot(chord, normal))
     radius = _disk(chord, height)
     finite = np.isfinite(radius)
@@ -406,5 +400,6 @@ def _bracketed(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
         active = active[~done]
     point = sites.point(near.target, parameter)
     final = _disk(*_chords(sites, near, parameter, point))
-    worse = ~(final <= sampled)
+    # Radii are flat about the contact: a sample that is lower by rounding is not nearer to it.
+    worse = ~(final <= sampled * (1 + 1e-10))
     return np.where(worse, sample, parameter), np.where(worse, sampled, final)

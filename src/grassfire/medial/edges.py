@@ -126,9 +126,7 @@ def graph_spans(graph: Graph, sites: Sites) -> Span:
     )
 
 
-def evaluate_span(
-    sites: Sites, span: Span, fraction: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def evaluate_span(sites: Sites, span: Span, fraction: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Exact disks (k, n, 3) as (x, y, r) and contacts (k, n) at fractions of the spans.
 
     `fraction` is (n,), the same for all rows, or (k, n).
@@ -331,9 +329,7 @@ def _halve(sites: Sites, span: Span, count: int) -> tuple[Span, FloatArray]:
         raise GeometryError("an edge of the axis is interrupted", place=tuple(place))
     half = 0.5 * (span.start + span.end)
     joint = np.arange(count, count + len(half))
-    one = replace(
-        span, end=half, facing_end=facing, last=joint, last_disk=middle, far_last=middle
-    )
+    one = replace(span, end=half, facing_end=facing, last=joint, last_disk=middle, far_last=middle)
     two = replace(
         span, start=half, facing_start=facing, first=joint, first_disk=middle, far_first=middle
     )

@@ -166,9 +166,7 @@ class _Walker:
         self.interval_side = np.concatenate(
             [np.zeros(count, int), np.ones(count, int), np.zeros(len(whole), int)]
         )[order]
-        self.interval_vertex = np.concatenate(
-            [np.full(2 * count, -1), graph.first[whole]]
-        )[order]
+        self.interval_vertex = np.concatenate([np.full(2 * count, -1), graph.first[whole]])[order]
         self.interval_start = start[order]
         end = np.concatenate([span.end, span.facing_start, graph.end[whole]])
         self.interval_end = end[order]
@@ -196,9 +194,7 @@ class _Walker:
         vertex_radius = axis.fit.vertex_radius
         rows = np.concatenate([np.arange(count), np.arange(count), row])
         place = np.concatenate([np.zeros(count), np.ones(count), fraction])
-        radius = np.concatenate(
-            [vertex_radius[span.first], vertex_radius[span.last], disks[:, 2]]
-        )
+        radius = np.concatenate([vertex_radius[span.first], vertex_radius[span.last], disks[:, 2]])
         order = np.lexsort((place, rows))
         rows, place, radius = rows[order], place[order], radius[order]
         same = np.flatnonzero(rows[1:] == rows[:-1])
@@ -269,9 +265,7 @@ class _Walker:
         disks, facing = evaluate_span(self.sites, span, fraction[:, None])
         return disks[:, 0], facing[:, 0]
 
-    def components(
-        self, stretches: _Stretches, distance: float
-    ) -> tuple[IntArray, IntArray]:
+    def components(self, stretches: _Stretches, distance: float) -> tuple[IntArray, IntArray]:
         """Component of each stretch and of each vertex (-1 below the distance)."""
         span = self.axis.span
         radius = self.axis.fit.vertex_radius
@@ -367,9 +361,7 @@ class _Walker:
         curves = [self._offset_curve(site, start, end, distance) for site, start, end in runs]
         return [curve for curve in curves if curve is not None]
 
-    def _offset_curve(
-        self, site: int, start: float, end: float, distance: float
-    ) -> Curve | None:
+    def _offset_curve(self, site: int, start: float, end: float, distance: float) -> Curve | None:
         sites = self.sites
         kind = sites.kind[site]
         least = 1e-9 * sites.size
@@ -402,9 +394,7 @@ class _Walker:
 class _BoundaryItems:
     """Kept stretches as seen from the boundary, in boundary order, and their successors."""
 
-    def __init__(
-        self, walker: _Walker, stretches: _Stretches, vertex_component: IntArray
-    ) -> None:
+    def __init__(self, walker: _Walker, stretches: _Stretches, vertex_component: IntArray) -> None:
         span = walker.axis.span
         row = stretches.row
         count = len(row)
@@ -412,14 +402,14 @@ class _BoundaryItems:
         _, facing_end = walker.exact(row, stretches.end)
         length = span.end[row] - span.start[row]
         own_start = span.start[row] + length * stretches.start
-        own_end = np.where(stretches.cut_end, span.start[row] + length * stretches.end, span.end[row])
+        own_end = np.where(
+            stretches.cut_end, span.start[row] + length * stretches.end, span.end[row]
+        )
         whole = np.flatnonzero(
             (walker.interval_piece < 0)
             & (vertex_component[np.maximum(walker.interval_vertex, 0)] >= 0)
         )
-        interval = np.concatenate(
-            [walker.position[0, row], walker.position[1, row], whole]
-        )
+        interval = np.concatenate([walker.position[0, row], walker.position[1, row], whole])
         start = np.concatenate([own_start, facing_end, walker.interval_start[whole]])
         end = np.concatenate([own_end, facing_start, walker.interval_end[whole]])
         stretch = np.concatenate([np.arange(count), np.arange(count), np.full(len(whole), -1)])
@@ -433,9 +423,9 @@ class _BoundaryItems:
         self.vertex = walker.interval_vertex[self.interval]
         rank = np.empty(len(order), dtype=np.int64)
         rank[order] = np.arange(len(order))
-        across = np.concatenate(
-            [rank[count : 2 * count], rank[:count], np.full(len(whole), -1)]
-        )[order]
+        across = np.concatenate([rank[count : 2 * count], rank[:count], np.full(len(whole), -1)])[
+            order
+        ]
         first_item = np.full(len(walker.interval_site), -1, dtype=np.int64)
         first_item[self.interval[::-1]] = np.arange(len(order))[::-1]
         along = first_item[walker.following[self.interval]]
@@ -446,9 +436,7 @@ class _BoundaryItems:
             place = walker.sites.point(rows, np.array([self.end[item]]))[0] + walker.sites.origin
             raise GeometryError("an offset does not close", place=tuple(place))
 
-    def component(
-        self, item: int, component: IntArray, vertex_component: IntArray
-    ) -> int:
+    def component(self, item: int, component: IntArray, vertex_component: IntArray) -> int:
         """Component of an item."""
         if self.stretch[item] >= 0:
             return int(component[self.stretch[item]])

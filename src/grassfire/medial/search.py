@@ -112,7 +112,7 @@ class BoundarySearch:
     def _candidates(
         self, centre: FloatArray, neighbours: int
     ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """Distinct (row, site) pairs among the nearest samples, hints, and the farthest looked at."""
+        """Distinct (row, site) pairs among the nearest samples, hints, and how far they reach."""
         wanted = min(neighbours, len(self.site))
         away, index = self.tree.query(centre, k=wanted)
         away, index = away.reshape(len(centre), wanted), index.reshape(len(centre), wanted)

@@ -1,10 +1,11 @@
 """Boundary sites as columns: lines, arcs, spiral pieces of Bezier curves and reflex corners.
 
-A *site* is a piece of the boundary that a maximal disk touches at most once: a line, an arc, a piece
-of a (rational) Bezier curve with monotone curvature (a spiral: its osculating circles are nested,
-Kneser 1912, so no disk touches it twice), or a reflex corner, whose parameter sweeps the fan of its
-normals. All functions take arrays of site indices and parameters, so that thousands of contacts are
-solved in one call. Coordinates are relative to the centre of the region's bounding box.
+A *site* is a piece of the boundary that a maximal disk touches at most once: a line, an arc, a
+piece of a (rational) Bezier curve with monotone curvature (a spiral: its osculating circles are
+nested, Kneser 1912, so no disk touches it twice), or a reflex corner, whose parameter sweeps the
+fan of its normals. All functions take arrays of site indices and parameters, so that thousands of
+contacts are solved in one call. Coordinates are relative to the centre of the region's bounding
+box.
 """
 
 from __future__ import annotations

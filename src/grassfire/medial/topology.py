@@ -27,8 +27,8 @@ class Nodes:
     """Boundary points with known maximal disks, one row each.
 
     `left` and `right` are the partners before and after the node along its site; `vertex` is -1 for
-    plain nodes, whose `left` equals `right`. `facing` is the contact on the partner, `own` marks the
-    ends of the site itself.
+    plain nodes, whose `left` equals `right`. `facing` is the contact on the partner, `own`
+    marks the ends of the site itself.
     """
 
     site: IntArray
@@ -287,9 +287,7 @@ class Topology:
         keep = ~self.contact_arc[search.site]
         return self.plain_nodes(search.site[keep], search.parameter[keep])
 
-    def plain_nodes(
-        self, site: IntArray, parameter: FloatArray, junctions: bool = False
-    ) -> Nodes:
+    def plain_nodes(self, site: IntArray, parameter: FloatArray, junctions: bool = False) -> Nodes:
         """Nodes at boundary points, with their images on the partners.
 
         A node whose contact is a junction is an event; as that junction has a disk of its own, it
@@ -312,9 +310,7 @@ class Topology:
         image = Nodes(partner, facing, radius, site, site, parameter, none, centre, inner)
         parts = [own.take(plain), image.take(free)]
         if junctions and not plain.all():
-            event = replace(
-                own, left=before, right=after, vertex=self._new_vertices(len(site))
-            )
+            event = replace(own, left=before, right=after, vertex=self._new_vertices(len(site)))
             parts.append(event.take(~plain))
         return Nodes.join(*parts)
 
@@ -364,9 +360,7 @@ class Topology:
                 right=nodes.left[close + 1],
                 vertex=self._new_vertices(len(close)),
             )
-            order = np.argsort(
-                np.concatenate([np.arange(len(nodes)), close + 0.5]), kind="stable"
-            )
+            order = np.argsort(np.concatenate([np.arange(len(nodes)), close + 0.5]), kind="stable")
             self.nodes = Nodes.join(nodes, event).take(order)
             # Rows move up by the events that were put in before them.
             rows = rows[wide] + np.searchsorted(close, rows[wide])
@@ -394,9 +388,9 @@ class Topology:
         vertex = np.full(len(rows), -1, dtype=np.int64)
         vertex[branch] = self._new_vertices(int(branch.sum()))
         inner = np.zeros(len(rows), dtype=bool)
-        events = Nodes(
-            site, parameter, radius, one, other, facing, vertex, centre, inner
-        ).take(branch)
+        events = Nodes(site, parameter, radius, one, other, facing, vertex, centre, inner).take(
+            branch
+        )
         parts = [nodes, events]
         if third.any():
             parts.append(self.plain_nodes(site[third], parameter[third], junctions=True))
