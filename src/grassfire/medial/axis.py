@@ -161,9 +161,12 @@ class MedialAxis:
             scale = np.abs(slope).max(axis=1)
             values = slope @ bernstein_matrix(degree - 1, fraction).T
             values[np.abs(values) <= 1e-12 * scale[:, None]] = 0.0
-            change = (values[:, :-1] * values[:, 1:] < 0) & (scale > 1e-12 * self.sites.size)[
-                :, None
-            ]
+            # A sample right at an extremum (symmetric pieces have one at 1/2) takes the sign of
+            # the last one before it that has a sign: it would hide the change otherwise.
+            signed = np.where(values != 0, np.arange(len(fraction)), 0)
+            values = np.take_along_axis(values, np.maximum.accumulate(signed, axis=1), axis=1)
+            steep = scale > 1e-12 * self.sites.size
+            change = (values[:, :-1] * values[:, 1:] < 0) & steep[:, None]
             row, column = np.nonzero(change)
             left, right = fraction[column], fraction[column + 1]
             sign = np.sign(values[row, column])

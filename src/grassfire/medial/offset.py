@@ -372,9 +372,9 @@ class _Walker:
             base = self.axis.beziers[int(sites.bezier[site])]
             return ParallelCurve(base, distance, float(start), float(end))
         if kind == SiteKind.LINE:
-            rows = np.array([site, site])
-            position, normal, _ = sites.frame(rows, np.array([start, end]))
-            points = position + distance * normal + origin
+            anchor, direction = sites.anchor[site] + origin, sites.extent[site]
+            across = np.array([-direction[1], direction[0]]) / np.hypot(*direction)
+            points = anchor + np.outer((start, end), direction) + distance * across
             if np.hypot(*(points[1] - points[0])) <= least:
                 return None
             return Line(points[0], points[1])
@@ -445,10 +445,12 @@ class _BoundaryItems:
 
 def _close(curves: list[Curve], size: float) -> Loop:
     """A loop of curves whose ends agree to rounding; short lines bridge what does not."""
+    extent = float(np.max(np.ptp([curve.start for curve in curves], axis=0)))
+    least = 5e-10 * (min(size, extent) if len(curves) > 1 else size)
     closed: list[Curve] = []
     for curve, following in zip(curves, [*curves[1:], curves[0]], strict=True):
         closed.append(curve)
         end, start = np.asarray(curve.end), np.asarray(following.start)
-        if np.hypot(*(start - end)) > 5e-10 * size:
+        if np.hypot(*(start - end)) > least:
             closed.append(Line(end, start))
     return Loop(tuple(closed))
