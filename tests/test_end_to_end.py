@@ -529,7 +529,6 @@ def test_the_linuxcnc_interpreter_accepts_the_demo_programs(name: str, tmp_path:
     [
         ("mikedh+trimesh__models_2D_single_arc.dxf", "mm"),
         ("mikedh+trimesh__models_2D_angle_test.dxf", None),
-        ("mikedh+trimesh__models_2D_cycloidal.dxf", None),
     ],
 )
 def test_drawings_of_others(drawing: str, units: str | None, tmp_path: Path) -> None:

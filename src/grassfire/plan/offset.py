@@ -37,11 +37,8 @@ class OffsetSettings:
         Whether each wall ring is cut once more at the end.
     fast_links : bool
         Whether cleared parts of links are to be told from those that cut.
-    cross_necks : bool
-        Whether a lobe may be begun from one already cut, straight through the neck between them
-        at cutting feed, where that is quicker than a retract and a new descent.
-    longest_walk, longest_entry_walk : float
-        How far a link may go before a retract, or a retract and a descent, is quicker, mm.
+    longest_walk : float
+        How far a link may go before a retract is quicker, mm.
     """
 
     tool_radius: float
@@ -53,9 +50,7 @@ class OffsetSettings:
     climb: bool
     finish: bool
     fast_links: bool
-    cross_necks: bool
     longest_walk: float
-    longest_entry_walk: float
 
 
 @dataclass
@@ -64,7 +59,6 @@ class _Frame:
 
     index: int
     children: list[int]
-    entered: bool = False
 
 
 def _place(ring: int, pairs: Crossings, chosen: int) -> RingPlace:
@@ -103,7 +97,6 @@ class PocketPlan:
         self._axis = axis
         self._root = root
         self._wall = Interior(axis, parts[root].rings, parts[root].distance)
-        self._last: Path | None = None
         self._cut: list[tuple[int, Path]] = []
         self._parent = {child: index for index, part in enumerate(parts) for child in part.children}
         self._parts = parts
@@ -129,16 +122,13 @@ class PocketPlan:
                 pending.append(_Frame(child, list(self._parts[child].children)))
                 continue
             pending.pop()
-            merge = next((item.index for item in reversed(pending) if item.entered), None)
-            position = self._clear(frame.index, position, merge)
-            for item in pending:
-                item.entered = True
+            position = self._clear(frame.index, position)
         if self._settings.finish:
             position = self._finish(wall, position)
         self._mark_travels()
         return position
 
-    def _clear(self, index: int, position: FloatArray, merge: int | None) -> FloatArray:
+    def _clear(self, index: int, position: FloatArray) -> FloatArray:
         """Cut the rings of a component whose children are cut; returns where the tool is."""
         part = self._parts[index]
         rings = RingSet(part.rings)
@@ -146,29 +136,17 @@ class PocketPlan:
             # straight outwards: the disk about the tool that touches the ring holds no other
             last = self._cross(rings, rings.nearest_left(position)[0], position, None)
         else:
-            last = self._enter(part, rings, position, merge)
+            last = self._enter(part, rings, position)
         inside = Interior(self._axis, part.rings, part.distance)
         while rings.left.any():
             self._cut.append((index, last))
             last = self._next(index, rings, inside, last)
         self._cut.append((index, last))
-        self._last = last
         return last.end
 
-    def _enter(
-        self, part: Component, rings: RingSet, position: FloatArray, merge: int | None
-    ) -> Path:
+    def _enter(self, part: Component, rings: RingSet, position: FloatArray) -> Path:
         """Begin where nothing is cleared yet; returns the first ring, cut."""
         settings = self._settings
-        if settings.cross_necks and merge is not None and self._last is not None:
-            outer = self._parts[merge]
-            inside = Interior(self._axis, outer.rings, outer.distance)
-            found = self._route(rings, inside, self._last, settings.longest_entry_walk)
-            if found is not None:
-                return self._follow(rings, self._last, found, None)
-            lap = self._hop(rings, inside, merge, part.peak, None)
-            if lap is not None:
-                return lap
         place = rings.nearest_left(part.peak)[0]
         if settings.entry == "plunge":
             self._descend(entry.plunge(place.nearest.point))

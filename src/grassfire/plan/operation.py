@@ -29,9 +29,6 @@ WALL_FIT = 0.35
 ABOVE_FLOOR = 0.5
 """How far above the floor of the pass before a descent starts, mm."""
 
-CROSS_NECKS = True
-"""Whether lobes are linked by a cut through the neck between them rather than by a new entry."""
-
 SMALLEST_RING = 0.02
 """Rings of a smaller extent are points to a controller: only a plunge can enter there, mm."""
 
@@ -184,7 +181,6 @@ def _settings(
     # a retract costs its way up and down at rapid speed and about a second of starts and stops
     retract = (2 * (levels.retract - levels.top) + 2 * step) / levels.rapid + 1.0 / 60
     drop = step + levels.entry_height(levels.top) - levels.top
-    descent = drop / math.sin(operation.ramp_angle_radians) / feeds.entry
     return OffsetSettings(
         tool_radius=tool.radius,
         wall=wall,
@@ -195,9 +191,7 @@ def _settings(
         climb=operation.direction == "climb",
         finish=operation.finish_pass,
         fast_links=feeds.link > feeds.cut,
-        cross_necks=CROSS_NECKS,
         longest_walk=retract * feeds.link,
-        longest_entry_walk=(retract + descent) * min(feeds.link, feeds.cut),
     )
 
 

@@ -58,17 +58,18 @@ class Removal:
     pieces: Pieces
 
 
-def sample_moves(path: Path, top: float, spacing: float) -> Samples:
+def sample_moves(path: Path, top: float, spacing: float, cell: float) -> Samples:
     """Return samples at most `spacing` tool radii apart on feed moves that do not descend.
 
     Each move is sampled at the ends of equal parts and, because engagement jumps where the heading
-    does, shortly after its start.
+    does, shortly after its start. Nothing is sampled more finely than the map, whose cells measure
+    `cell` mm, can tell apart.
     """
     rising = path.end[:, 2] >= path.begin[:, 2] - 1e-6
     rows = np.flatnonzero(
         ~path.rapid & path.known & rising & (path.low < top - _EDGE) & (path.planar > 1e-9)
     )
-    step = spacing * path.tool_radius[rows]
+    step = np.maximum(spacing * path.tool_radius[rows], cell)
     # A move that runs far off the map by mistake is sampled no more than a long good one.
     parts = np.ceil(path.planar[rows] / step).clip(1, 50_000).astype(np.int64)
     owner, index = spread(parts)
@@ -185,7 +186,7 @@ class Sweep:
         self.path, self.targets, self.grid, self.settings = path, targets, grid, settings
         top, skin = settings.top, settings.height_tolerance
         self.flagged = np.flatnonzero(flagged & path.known & (path.low < top - _EDGE))
-        self.samples = sample_moves(path, top, settings.spacing)
+        self.samples = sample_moves(path, top, settings.spacing, grid.cell)
         sampled = np.unique(self.samples.move)
         level = sampled[np.abs(path.end[sampled, 2] - path.begin[sampled, 2]) < 1e-9]
         floors = np.array([t.floor + t.axial_allowance for t in targets]) + settings.uncut_height
