@@ -11,9 +11,10 @@ import numpy as np
 from grassfire import tolerance as default
 from grassfire.errors import GeometryError
 from grassfire.geometry import Bezier, Region
+from grassfire.geometry.chebyshev import bernstein
 from grassfire.medial.build import build_sites
 from grassfire.medial.certificate import Certificate, certify
-from grassfire.medial.edges import Fit, Span, bernstein_matrix, fit_edges
+from grassfire.medial.edges import Fit, Span, fit_edges
 from grassfire.medial.graph import Graph, build_graph
 from grassfire.medial.offset import OffsetNode, offset_tree
 from grassfire.medial.search import BoundarySearch
@@ -159,7 +160,7 @@ class MedialAxis:
                 continue
             slope = degree * np.diff(table[:, :, 2], axis=1)
             scale = np.abs(slope).max(axis=1)
-            values = slope @ bernstein_matrix(degree - 1, fraction).T
+            values = slope @ bernstein(degree - 1, fraction).T
             values[np.abs(values) <= 1e-12 * scale[:, None]] = 0.0
             # A sample right at an extremum (symmetric pieces have one at 1/2) takes the sign of
             # the last one before it that has a sign: it would hide the change otherwise.
@@ -172,7 +173,7 @@ class MedialAxis:
             sign = np.sign(values[row, column])
             for _ in range(50):
                 middle = 0.5 * (left + right)
-                basis = bernstein_matrix(degree - 1, middle)
+                basis = bernstein(degree - 1, middle)
                 same = np.sign(np.einsum("ij,ij->i", basis, slope[row])) == sign
                 left, right = np.where(same, middle, left), np.where(same, right, middle)
             rows.append(members[row])
@@ -205,7 +206,7 @@ class MedialAxis:
         degree = self.fit.degree[row]
         for value in np.unique(degree):
             members = np.flatnonzero(degree == value)
-            basis = bernstein_matrix(int(value), fraction[members])
+            basis = bernstein(int(value), fraction[members])
             table = np.stack([self.fit.coefficients[k] for k in row[members]])
             result[members] = np.einsum("ij,ijk->ik", basis, table)
         return result

@@ -10,7 +10,8 @@ from scipy.sparse.csgraph import connected_components
 
 from grassfire.errors import GeometryError
 from grassfire.geometry import Region
-from grassfire.medial.edges import Fit, Span, bernstein_matrix, evaluate_span
+from grassfire.geometry.chebyshev import bernstein
+from grassfire.medial.edges import Fit, Span, evaluate_span
 from grassfire.medial.graph import Graph
 from grassfire.medial.search import BoundarySearch
 from grassfire.medial.sites import FloatArray, IntArray, SiteKind, Sites
@@ -65,7 +66,7 @@ def certify(
     interpolation = recovery = 0.0
     if len(fit.degree):
         disks, slope = _probe(fit)
-        interpolation = _interpolation_error(sites, fit.span, disks, tolerance)
+        interpolation = _interpolation_error(sites, fit.span, disks)
         recovery = _recovery_error(sites, fit.span, disks, slope, tolerance)
         centre = np.concatenate([centre, disks[:, :, :2].reshape(-1, 2)])
         radius = np.concatenate([radius, disks[:, :, 2].ravel()])
@@ -77,7 +78,7 @@ def certify(
             f"a disk of the medial axis is off by {error[worst]:.3g} mm",
             place=tuple(centre[worst] + sites.origin),
         )
-    area_error = abs(_cell_area(sites, graph, fit) - _region_area(region))
+    area_error = abs(_cell_area(sites, graph, fit) - region.area)
     limit = 10 * tolerance * search.perimeter + 1e-12 * sites.size**2
     if area_error > limit:
         raise GeometryError(
@@ -85,10 +86,6 @@ def certify(
             place=tuple(sites.origin),
         )
     return Certificate(interpolation, recovery, area_error, float(error[worst]), euler)
-
-
-def _region_area(region: Region) -> float:
-    return float(region.area)
 
 
 def _euler(region: Region, fit: Fit) -> bool:
@@ -109,9 +106,9 @@ def _probe(fit: Fit) -> tuple[FloatArray, FloatArray]:
     for degree in np.unique(fit.degree):
         rows = np.flatnonzero(fit.degree == degree)
         table = np.stack([fit.coefficients[row] for row in rows])
-        disks[rows] = bernstein_matrix(int(degree), _PROBES) @ table
+        disks[rows] = bernstein(int(degree), _PROBES) @ table
         difference = degree * np.diff(table, axis=1)
-        slope[rows] = bernstein_matrix(int(degree) - 1, _PROBES) @ difference
+        slope[rows] = bernstein(int(degree) - 1, _PROBES) @ difference
     return disks, slope
 
 
@@ -122,7 +119,7 @@ def _frames(sites: Sites, span: Span) -> tuple[FloatArray, FloatArray]:
     return position.reshape(-1, width, 2), normal.reshape(-1, width, 2)
 
 
-def _interpolation_error(sites: Sites, span: Span, disks: FloatArray, tolerance: float) -> float:
+def _interpolation_error(sites: Sites, span: Span, disks: FloatArray) -> float:
     """Eq. (8), times r*: how far n.(c* - c) is from r*."""
     position, normal = _frames(sites, span)
     along = np.einsum("kni,kni->kn", normal, disks[:, :, :2] - position)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from grassfire.errors import GeometryError
+from grassfire.geometry.chebyshev import bernstein, nodes
 from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.graph import Graph
 from grassfire.medial.sites import FloatArray, IntArray, SiteKind, Sites
@@ -80,23 +81,6 @@ class Fit:
     error: FloatArray
     vertex_centre: FloatArray
     vertex_radius: FloatArray
-
-
-def chebyshev_fractions(degree: int) -> FloatArray:
-    """(degree + 1,) Chebyshev points of eq. (7) on [0, 1]."""
-    return np.asarray(0.5 * (1 - np.cos(np.pi * np.arange(degree + 1) / degree)))
-
-
-def bernstein_matrix(degree: int, fraction: FloatArray) -> FloatArray:
-    """(n, degree + 1) Bernstein polynomials at `fraction`."""
-    table = np.ones((len(fraction), 1))
-    value = fraction[:, None]
-    for _ in range(degree):
-        padded = np.zeros((len(fraction), table.shape[1] + 1))
-        padded[:, :-1] += (1 - value) * table
-        padded[:, 1:] += value * table
-        table = padded
-    return table
 
 
 def graph_spans(graph: Graph, sites: Sites) -> Span:
@@ -242,8 +226,8 @@ def _bend(table: FloatArray) -> float:
     first = degree * np.diff(table[:, :2], axis=0)
     second = (degree - 1) * np.diff(first, axis=0)
     fraction = np.linspace(0.0, 1.0, 9)
-    one = bernstein_matrix(degree - 1, fraction) @ first
-    two = bernstein_matrix(degree - 2, fraction) @ second
+    one = bernstein(degree - 1, fraction) @ first
+    two = bernstein(degree - 2, fraction) @ second
     speed = np.hypot(one[:, 0], one[:, 1])
     cross = np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
     return float(np.max(cross / np.maximum(speed, 1e-3 * speed.max() + 1e-300)))
@@ -285,7 +269,7 @@ def _interpolate(
 ) -> tuple[IntArray, FloatArray, list[FloatArray]]:
     """Lowest degree that is good enough (0 where none is), its error, Bezier coefficients."""
     top = DEGREES[-1]
-    fraction = chebyshev_fractions(top)
+    fraction = nodes(top)
     extra = 0.5 * (fraction[:-1] + fraction[1:])
     both = np.concatenate([fraction, extra])
     order = np.argsort(both)
@@ -302,11 +286,11 @@ def _interpolate(
         open_rows = np.flatnonzero((degree == 0) & finite)
         if not len(open_rows):
             break
-        nodes = position[:: top // trial]
-        inverse = np.linalg.inv(bernstein_matrix(trial, sorted_fraction[nodes]))
-        table = inverse @ disks[open_rows][:, nodes]
+        chosen = position[:: top // trial]
+        inverse = np.linalg.inv(bernstein(trial, sorted_fraction[chosen]))
+        table = inverse @ disks[open_rows][:, chosen]
         table[:, 0], table[:, -1] = span.first_disk[open_rows], span.last_disk[open_rows]
-        fitted = bernstein_matrix(trial, sorted_fraction) @ table
+        fitted = bernstein(trial, sorted_fraction) @ table
         deviation = np.abs(fitted - disks[open_rows]).max(axis=(1, 2))
         good = deviation <= tolerance
         degree[open_rows[good]] = trial
