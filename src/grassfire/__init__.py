@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from grassfire.app import RunResult, inspect, mat, run
-    from grassfire.dxf import Drawing, read_regions
+    from grassfire.dxf import Drawing, read_regions, write_medial_axis
     from grassfire.errors import (
         GeometryError,
         GrassfireError,
@@ -61,6 +61,7 @@ _HOME: Final[dict[str, str]] = {
     "render": "post",
     "run": "app",
     "verify_program": "verify",
+    "write_medial_axis": "dxf",
 }
 
 __all__ = [
@@ -94,6 +95,7 @@ __all__ = [
     "render",
     "run",
     "verify_program",
+    "write_medial_axis",
 ]
 
 

@@ -230,6 +230,9 @@ def mat(
     svg_out: Annotated[
         Path | None, typer.Option("--svg", metavar="OUT", help="Write a picture; - prints it.")
     ] = None,
+    dxf_out: Annotated[
+        Path | None, typer.Option("--dxf", metavar="OUT", help="Write a drawing; - prints it.")
+    ] = None,
 ) -> int:
     """The medial axis transform, certified."""
     from grassfire.app import mat as transform
@@ -240,7 +243,9 @@ def mat(
         _save(json_out, json.dumps(result.data, allow_nan=False) + "\n")
     if svg_out is not None:
         _save(svg_out, result.svg(f"{drawing.name}: medial axis"))
-    if "-" in (str(json_out), str(svg_out)):
+    if dxf_out is not None:
+        _save(dxf_out, result.dxf())
+    if "-" in (str(json_out), str(svg_out), str(dxf_out)):
         return 0
     for index, region in enumerate(result.data["regions"]):
         certificate = ", ".join(

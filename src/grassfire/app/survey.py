@@ -132,12 +132,19 @@ class AxisResult:
 
     data: dict[str, Any]
     walls: list[FloatArray]
+    axes: tuple[MedialAxis, ...]
 
     def svg(self, title: str) -> str:
         """Picture of the axes."""
         from grassfire.preview import axis_svg
 
         return axis_svg(self.walls, self.data["regions"], title=title)
+
+    def dxf(self) -> str:
+        """Drawing of the axes, as `grassfire.write_medial_axis` writes it."""
+        from grassfire.dxf import medial_axis_text
+
+        return medial_axis_text(self.axes)
 
 
 def mat(
@@ -170,7 +177,7 @@ def mat(
         drawing = read_regions(path, layers=layers, units=units)
     begin = time.perf_counter()
     with watch.stage("medial"):
-        axes = [axis_of(region, str(path), tolerance) for region in drawing.regions]
+        axes = tuple(axis_of(region, str(path), tolerance) for region in drawing.regions)
     seconds = time.perf_counter() - begin
     data = {
         "units": "mm",
@@ -178,4 +185,4 @@ def mat(
         "seconds": round(seconds, 6),
         "regions": [axis.to_dict() for axis in axes],
     }
-    return AxisResult(data, walls_of(drawing.regions))
+    return AxisResult(data, walls_of(drawing.regions), axes)

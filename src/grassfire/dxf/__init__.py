@@ -1,7 +1,8 @@
-"""DXF drawings to regions: every curve exact, every repair a finding.
+"""DXF drawings to regions: every curve exact, every repair a finding; medial axes to DXF.
 
 The stages are modules: `reading` (file, recovery, units), `entities` (curves of the model space,
-blocks included), `splines`, `overlaps`, `chain` and `faces` (closed chains), `nest` (regions).
+blocks included), `splines`, `overlaps`, `chain` and `faces` (closed chains), `nest` (regions); and
+`write` (medial axes).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from grassfire.dxf.chain import Gap, chain_pieces
 from grassfire.dxf.entities import Extraction, extract
 from grassfire.dxf.nest import nest_chains
 from grassfire.dxf.reading import load_document, resolve_units
+from grassfire.dxf.write import medial_axis_text, write_medial_axis
 from grassfire.errors import InputError
 from grassfire.geometry import Region
 from grassfire.report import Finding, Severity
@@ -27,7 +29,7 @@ from grassfire.report import Finding, Severity
 if TYPE_CHECKING:
     from ezdxf.document import Drawing as Document
 
-__all__ = ["Drawing", "read_regions"]
+__all__ = ["Drawing", "medial_axis_text", "read_regions", "write_medial_axis"]
 
 _LARGEST = 20_000.0
 """Extent in mm beyond which the units are probably not what was meant."""

@@ -20,6 +20,7 @@ from grassfire.geometry.flatten import flatten, flatten_parameters
 from grassfire.geometry.line import Line
 from grassfire.geometry.loop import CONVEX, REFLEX, SMOOTH, JunctionTable, Loop
 from grassfire.geometry.parallel import ParallelCurve, parallel
+from grassfire.geometry.polyline import fit_open_polyline, fit_polyline, fit_region
 from grassfire.geometry.region import Region
 from grassfire.geometry.simplify import simplify
 
@@ -43,6 +44,9 @@ __all__ = [
     "cusps",
     "deviation_from",
     "fit_arcs",
+    "fit_open_polyline",
+    "fit_polyline",
+    "fit_region",
     "flatten",
     "flatten_parameters",
     "inflections",

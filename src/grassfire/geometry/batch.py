@@ -28,7 +28,7 @@ class CurveBatch:
 
     def __init__(self, curves: Sequence[Curve]) -> None:
         self.curves = tuple(curves)
-        self._size = np.array([curve.size for curve in self.curves])
+        self._size = _sizes(self.curves)
         groups: dict[str, list[int]] = {}
         for index, curve in enumerate(self.curves):
             groups.setdefault(_group(curve, index), []).append(index)
@@ -105,6 +105,17 @@ class CurveBatch:
         """Return the positions where the speed vanishes, which each curve handles itself."""
         rows = np.argwhere(speed <= SINGULAR_SPEED * self._size[which])
         return [tuple(int(value) for value in row) for row in rows]
+
+
+def _sizes(curves: Sequence[Curve]) -> FloatArray:
+    """Return the curves' sizes (n,) in mm; the many lines all at once."""
+    lines = [(number, curve) for number, curve in enumerate(curves) if isinstance(curve, Line)]
+    result = np.array([0.0 if isinstance(curve, Line) else curve.size for curve in curves])
+    if lines:
+        ends = np.array([(line.start, line.end) for _, line in lines])
+        change = ends[:, 1] - ends[:, 0]
+        result[[number for number, _ in lines]] = np.hypot(change[:, 0], change[:, 1])
+    return result
 
 
 def _group(curve: Curve, index: int) -> str:

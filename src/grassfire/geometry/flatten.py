@@ -42,6 +42,8 @@ def flatten(curve: Curve | Loop, tolerance: float) -> FloatArray:
     """
     if isinstance(curve, Curve):
         return curve.point(flatten_parameters(curve, tolerance))
+    if curve.vertices is not None:
+        return np.concatenate([curve.vertices, curve.vertices[:1]])
     parts = [piece.point(flatten_parameters(piece, tolerance))[:-1] for piece in curve.curves]
     points = np.concatenate(parts)
     return np.concatenate([points, points[:1]])

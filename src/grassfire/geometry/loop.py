@@ -16,6 +16,7 @@ from grassfire.geometry.bezier import Bezier
 from grassfire.geometry.bspline import BSpline
 from grassfire.geometry.curve import Bounds, Curve, FloatArray, cross, dot
 from grassfire.geometry.line import Line
+from grassfire.geometry.measures import joint_box, swept_area
 
 SMOOTH: Final = 0
 """A junction whose turn is within the angular tolerance."""
@@ -64,6 +65,10 @@ class Loop:
     GeometryError
         If a gap exceeds 1e-9 of the loop's size. Smaller gaps are closed by moving the end
         points of lines, Bezier curves and B-splines; `Loop.chained` closes larger ones.
+
+    Notes
+    -----
+    `Loop.from_points` makes large polygons without an object for each line.
     """
 
     curves: tuple[Curve, ...]
@@ -76,13 +81,9 @@ class Loop:
         ends = np.array([curve.end for curve in curves])
         gaps = np.hypot(*(np.roll(starts, -1, axis=0) - ends).T)
         extent = np.concatenate([starts, ends])
-        size = max(
-            float(np.hypot(*np.ptp(extent, axis=0))),
-            max(curve.size for curve in curves),
-            1e-3 * float(np.abs(extent).max()),
-        )
+        size = max(float(np.hypot(*np.ptp(extent, axis=0))), 1e-3 * float(np.abs(extent).max()))
         worst = int(np.argmax(gaps))
-        if gaps[worst] > SNAP * size:
+        if gaps[worst] > SNAP * size and gaps[worst] > SNAP * max(curve.size for curve in curves):
             raise GeometryError(
                 f"a loop has a gap of {gaps[worst]:.3g} mm",
                 place=ends[worst].tolist(),
@@ -121,6 +122,37 @@ class Loop:
             closed.append(curve)
         return cls(tuple(closed))
 
+    @classmethod
+    def from_points(cls, points: ArrayLike) -> Loop:
+        """Return the closed polygon through points, kept as an array: its lines are made when
+        `curves` is asked for, everything else works on the points.
+
+        Parameters
+        ----------
+        points : (n, 2) array_like
+            In mm, in order. The last may repeat the first; a point equal to the one before it is
+            dropped.
+
+        Raises
+        ------
+        GeometryError
+            For another shape, values that are not finite, or fewer than three different points
+            in a row.
+        """
+        from grassfire.geometry.polygon import Polygon
+
+        return Polygon(points)
+
+    @property
+    def vertices(self) -> FloatArray | None:
+        """(n, 2) corners of a loop made by `from_points`, in mm; None of other loops."""
+        return None
+
+    @property
+    def start(self) -> FloatArray:
+        """(2,) point at u = 0."""
+        return self.curves[0].start
+
     def __len__(self) -> int:
         return len(self.curves)
 
@@ -131,8 +163,8 @@ class Loop:
 
     def locate(self, u: ArrayLike) -> tuple[NDArray[np.int64], FloatArray]:
         """Return curve indices and parameters t of u, which wraps around the loop."""
-        parameter = np.mod(np.asarray(u, dtype=np.float64), len(self.curves))
-        index = np.minimum(parameter.astype(np.int64), len(self.curves) - 1)
+        parameter = np.mod(np.asarray(u, dtype=np.float64), len(self))
+        index = np.minimum(parameter.astype(np.int64), len(self) - 1)
         return index, np.asarray(parameter - index)
 
     def evaluate(self, u: ArrayLike, order: int = 0) -> tuple[FloatArray, ...]:
@@ -163,8 +195,7 @@ class Loop:
     @cached_property
     def area(self) -> float:
         """Signed area in mm^2, counter-clockwise positive."""
-        origin = self.curves[0].start
-        return float(sum(curve.area_integral(origin) for curve in self.curves))
+        return swept_area(self.curves, self._ends)
 
     @cached_property
     def length(self) -> float:
@@ -177,9 +208,12 @@ class Loop:
 
     @cached_property
     def _box(self) -> Bounds:
-        boxes = np.array([curve.bounds() for curve in self.curves])
-        low, high = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
-        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+        return joint_box(self.curves, self._ends)
+
+    @cached_property
+    def _ends(self) -> FloatArray:
+        """(n, 2, 2) start and end of each curve."""
+        return np.array([(curve.start, curve.end) for curve in self.curves])
 
     def reversed(self) -> Loop:
         """Return the loop run the other way; the first curve becomes the last."""
@@ -210,29 +244,47 @@ class Loop:
         leaves the incoming one, a little away, decides the sign. Where they coincide the
         junction is a slit, reflex.
         """
-        index = np.arange(len(self.curves))
+        index = np.arange(len(self))
         incoming = np.roll(self.batch.tangent(index, 1.0), 1, axis=0)
         outgoing = self.batch.tangent(index, 0.0)
+        point = np.array([curve.start for curve in self.curves])
+        return self._classified(point, incoming, outgoing, angular_tolerance)
+
+    def _classified(
+        self,
+        point: FloatArray,
+        incoming: FloatArray,
+        outgoing: FloatArray,
+        angular_tolerance: float,
+    ) -> JunctionTable:
+        """Return the junctions between tangents (n, 2) of any length."""
         turn = np.arctan2(cross(incoming, outgoing), dot(incoming, outgoing))
         for cusp in np.flatnonzero(np.abs(turn) > np.pi - max(angular_tolerance, 1e-9)):
-            turn[cusp] = np.copysign(turn[cusp], self._cusp_sign(int(cusp)))
+            side = cusp_side(self._curve(int(cusp) - 1), self._curve(int(cusp)))
+            turn[cusp] = np.copysign(turn[cusp], side)
         kind = np.where(turn > 0.0, CONVEX, REFLEX)
         kind[np.abs(turn) <= angular_tolerance] = SMOOTH
-        point = np.array([curve.start for curve in self.curves])
         return JunctionTable(point, turn, kind.astype(np.int64))
 
-    def _cusp_sign(self, index: int) -> float:
-        """Return +1 where the region is inside the cusp at the start of curve `index`, else -1."""
-        outgoing = self.curves[index]
-        incoming = self.curves[index - 1].reversed()
-        corner, back = outgoing.start, outgoing.tangent(0.0)
-        size = min(outgoing.size, incoming.size)
-        for share in (1e-4, 1e-3, 1e-2, 1e-1):
-            ahead = [_at_distance(curve, corner, share * size) for curve in (incoming, outgoing)]
-            side = float(cross(back, ahead[0] - ahead[1]))
-            if abs(side) > 1e-11 * size:
-                return float(np.sign(side))
-        return -1.0
+    def _curve(self, index: int) -> Curve:
+        return self.curves[index]
+
+
+def cusp_side(incoming: Curve, outgoing: Curve) -> float:
+    """Return +1 where the region is inside the cusp between two curves, else -1.
+
+    The side on which the outgoing curve leaves the incoming one, a little away, decides; where
+    they coincide the region is outside.
+    """
+    back_along = incoming.reversed()
+    corner, back = outgoing.start, outgoing.tangent(0.0)
+    size = min(outgoing.size, back_along.size)
+    for share in (1e-4, 1e-3, 1e-2, 1e-1):
+        ahead = [_at_distance(curve, corner, share * size) for curve in (back_along, outgoing)]
+        side = float(cross(back, ahead[0] - ahead[1]))
+        if abs(side) > 1e-11 * size:
+            return float(np.sign(side))
+    return -1.0
 
 
 def _at_distance(curve: Curve, corner: FloatArray, distance: float) -> FloatArray:

@@ -46,7 +46,7 @@ class Region:
         object.__setattr__(self, "islands", islands)
         if islands:
             low_high = np.array(self.outer.bounds())
-            slack = 1e-9 * self.outer.curves[0].size
+            slack = 1e-9 * float(np.hypot(*(low_high[2:] - low_high[:2])))
             for island in islands:
                 inside = np.array(island.bounds())
                 if np.any(inside[:2] < low_high[:2] - slack) or np.any(
@@ -54,7 +54,7 @@ class Region:
                 ):
                     raise GeometryError(
                         "an island lies outside of its region",
-                        place=island.curves[0].start.tolist(),
+                        place=island.start.tolist(),
                     )
 
     @property
@@ -113,7 +113,7 @@ class Region:
     def locate_boundary(self, u: ArrayLike) -> tuple[NDArray[np.int64], FloatArray]:
         """Return global curve indices and parameters t of u in [0, number of curves]."""
         parameter = np.asarray(u, dtype=np.float64)
-        index = np.clip(np.floor(parameter), 0, len(self.curves) - 1).astype(np.int64)
+        index = np.clip(np.floor(parameter), 0, self.first_curve[-1] - 1).astype(np.int64)
         return index, np.asarray(parameter - index)
 
     def boundary_point(self, u: ArrayLike) -> FloatArray:
@@ -133,5 +133,5 @@ def _oriented(loop: Loop, sign: float) -> Loop:
     low_high = loop.bounds()
     extent = (low_high[2] - low_high[0]) ** 2 + (low_high[3] - low_high[1]) ** 2
     if abs(loop.area) <= 1e-14 * extent:
-        raise GeometryError("a loop has no area", place=loop.curves[0].start.tolist())
+        raise GeometryError("a loop has no area", place=loop.start.tolist())
     return loop if loop.area * sign > 0.0 else loop.reversed()

@@ -26,6 +26,14 @@ class _Part:
     t1: float
 
 
+def _pairs(values: FloatArray) -> FloatArray:
+    """Return (n, 2) rows of each value and the next around a loop.
+
+    Neighbours share their vertex to the last bit, so no ray slips between them.
+    """
+    return np.stack([values, np.roll(values, -1)], axis=-1)
+
+
 class MonotonePieces:
     """The loops' curves cut where y is stationary, with boxes that settle most queries.
 
@@ -35,25 +43,36 @@ class MonotonePieces:
     """
 
     def __init__(self, loops: Sequence[Loop]) -> None:
-        self._parts: list[_Part] = []
+        self._parts: list[_Part | None] = []
         corners: list[FloatArray] = []
         boxes: list[FloatArray] = []
         for loop in loops:
-            vertices = []
-            for curve in loop.curves:
-                edges = np.unique(np.concatenate([curve.breaks(), curve.extrema(1)]))
-                sides = np.unique(np.concatenate([edges, curve.extrema(0)]))
-                places = curve.point(sides)
-                for t0, t1 in pairwise(edges):
-                    self._parts.append(_Part(curve, float(t0), float(t1)))
-                    x = places[(sides >= t0) & (sides <= t1), 0]
-                    boxes.append(np.array([x.min(), x.max()]))
-                vertices.append(places[np.isin(sides, edges)][:-1])
-            # Neighbours share their vertex to the last bit, so no ray slips between them.
-            chain = np.concatenate(vertices)
-            corners.append(np.stack([chain[:, 1], np.roll(chain[:, 1], -1)], axis=-1))
+            if loop.vertices is None:
+                chain, box = self._cut(loop)
+            else:
+                chain, box = _pairs(loop.vertices[:, 1]), _pairs(loop.vertices[:, 0])
+                self._parts.extend([None] * len(chain))
+            corners.append(chain)
+            boxes.append(box)
         self._y = np.concatenate(corners)
-        self._x = np.stack(boxes)
+        # Of a line, one without a part, x belongs to the heights; of others it is the range.
+        self._line = np.array([part is None for part in self._parts])
+        ends = np.concatenate(boxes)
+        self._x, self._ends = np.sort(ends, axis=1), ends
+
+    def _cut(self, loop: Loop) -> tuple[FloatArray, FloatArray]:
+        """Add the parts of a loop; return their heights at both ends, and ranges of x."""
+        vertices, boxes = [], []
+        for curve in loop.curves:
+            edges = np.unique(np.concatenate([curve.breaks(), curve.extrema(1)]))
+            sides = np.unique(np.concatenate([edges, curve.extrema(0)]))
+            places = curve.point(sides)
+            for t0, t1 in pairwise(edges):
+                self._parts.append(_Part(curve, float(t0), float(t1)))
+                x = places[(sides >= t0) & (sides <= t1), 0]
+                boxes.append([x.min(), x.max()])
+            vertices.append(places[np.isin(sides, edges)][:-1])
+        return _pairs(np.concatenate(vertices)[:, 1]), np.array(boxes)
 
     def winding(self, points: FloatArray) -> NDArray[np.int64]:
         """Return the winding number of the loops around each of the (n, 2) points."""
@@ -73,7 +92,11 @@ class MonotonePieces:
         # A ray towards positive x meets the piece surely, or perhaps.
         sure = crossing & (x < self._x[:, 0])
         perhaps = crossing & ~sure & (x <= self._x[:, 1])
-        for number in np.flatnonzero(perhaps.any(axis=0)):
+        rows, lines = np.nonzero(perhaps & self._line)
+        start, end = self._ends[lines].T
+        share = (y[rows, 0] - low[lines]) / (high[lines] - low[lines])
+        sure[rows, lines] = (1.0 - share) * start + share * end > x[rows, 0]
+        for number in np.flatnonzero((perhaps & ~self._line).any(axis=0)):
             rows = np.flatnonzero(perhaps[:, number])
             sure[rows, number] = self._crossing_x(int(number), y[rows, 0]) > x[rows, 0]
         return np.asarray((sure & upward).sum(axis=1) - (sure & ~upward).sum(axis=1))
@@ -84,6 +107,7 @@ class MonotonePieces:
         Regula falsi of the Illinois kind (Dowell & Jarratt 1971), halving every fourth step.
         """
         part = self._parts[number]
+        assert part is not None
         rising = self._y[number, 1] > self._y[number, 0]
         low, high = np.full(len(y), part.t0), np.full(len(y), part.t1)
         below, above = self._y[number, 0] - y, self._y[number, 1] - y

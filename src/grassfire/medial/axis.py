@@ -2,24 +2,43 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from grassfire import tolerance as default
 from grassfire.errors import GeometryError
 from grassfire.geometry import Bezier, Region
 from grassfire.geometry.chebyshev import bernstein
+from grassfire.medial import (
+    archive,
+    extrema,
+    network,
+    opening,
+    parts,
+    picture,
+    queries,
+    recover,
+    trimmed,
+    ways,
+)
 from grassfire.medial.build import build_sites
 from grassfire.medial.certificate import Certificate, certify
-from grassfire.medial.edges import Fit, Span, fit_edges
+from grassfire.medial.edges import Fit, Span
+from grassfire.medial.exchange import MultiPolygonLike, Source, as_region
+from grassfire.medial.fitting import fit_edges
 from grassfire.medial.graph import Graph, build_graph
-from grassfire.medial.offset import OffsetNode, offset_tree
+from grassfire.medial.offset import OffsetNode, Walker, offset_tree
 from grassfire.medial.search import BoundarySearch
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
 from grassfire.medial.topology import Topology
+
+if TYPE_CHECKING:
+    import networkx
 
 _ATTEMPTS = (
     (1, 1.0, 0.0, 1.0),
@@ -28,7 +47,7 @@ _ATTEMPTS = (
     (2, 3.0, 1.0, 1.0),
     (16, 1.0, 1.0, 10.0),
 )
-"""Density of the samples, factor on the smooth angle, least fan as a share of that angle, factor
+"""Density of samples and first nodes, factor on the smooth angle, least fan as a share of that angle, factor
 on the length below which two boundary points are one."""
 
 
@@ -58,6 +77,9 @@ class MedialAxis:
     pruned: BoolArray
     certificate: Certificate
     tolerance: float
+    angular_tolerance: float
+    seconds: dict[str, float] = field(default_factory=dict, compare=False, repr=False)
+    """Wall time of each stage: sites, search, graph, edges, certificate."""
 
     @property
     def span(self) -> Span:
@@ -107,7 +129,7 @@ class MedialAxis:
         result = []
         for row in np.flatnonzero(~self.pruned):
             first, last = self.span.first[row], self.span.last[row]
-            table = self.fit.coefficients[row].copy()
+            table = self.fit.control[self.fit.offset[row] : self.fit.offset[row + 1]].copy()
             # Nearly parallel contacts leave an end open along the axis; the vertex decides.
             for index, vertex in ((0, first), (-1, last)):
                 table[index, :2] = self.fit.vertex_centre[vertex]
@@ -117,6 +139,21 @@ class MedialAxis:
         return tuple(result)
 
     # -- queries ----------------------------------------------------------------------------------
+
+    @cached_property
+    def table(self) -> queries.AxisTable:
+        """Polynomials of the kept edges."""
+        return queries.AxisTable(self)
+
+    @cached_property
+    def index(self) -> queries.AxisIndex:
+        """All kept edges, prepared for nearest points."""
+        return queries.whole_index(self.table)
+
+    @cached_property
+    def walker(self) -> Walker:
+        """The boundary, prepared for offsets."""
+        return Walker(self)
 
     def clearance(self, points: FloatArray) -> FloatArray:
         """Exact distance of points to the boundary, negative outside the region.
@@ -151,54 +188,12 @@ class MedialAxis:
 
         The sign is -1 for maxima and +1 for minima (necks).
         """
-        fraction = np.linspace(0.0, 1.0, 25)
-        rows: list[IntArray] = []
-        where: list[FloatArray] = []
-        signs: list[FloatArray] = []
-        for degree, members, table in self.by_degree:
-            if degree < 2:
-                continue
-            slope = degree * np.diff(table[:, :, 2], axis=1)
-            scale = np.abs(slope).max(axis=1)
-            values = slope @ bernstein(degree - 1, fraction).T
-            values[np.abs(values) <= 1e-12 * scale[:, None]] = 0.0
-            # A sample right at an extremum (symmetric pieces have one at 1/2) takes the sign of
-            # the last one before it that has a sign: it would hide the change otherwise.
-            signed = np.where(values != 0, np.arange(len(fraction)), 0)
-            values = np.take_along_axis(values, np.maximum.accumulate(signed, axis=1), axis=1)
-            steep = scale > 1e-12 * self.sites.size
-            change = (values[:, :-1] * values[:, 1:] < 0) & steep[:, None]
-            row, column = np.nonzero(change)
-            left, right = fraction[column], fraction[column + 1]
-            sign = np.sign(values[row, column])
-            for _ in range(50):
-                middle = 0.5 * (left + right)
-                basis = bernstein(degree - 1, middle)
-                same = np.sign(np.einsum("ij,ij->i", basis, slope[row])) == sign
-                left, right = np.where(same, middle, left), np.where(same, right, middle)
-            rows.append(members[row])
-            where.append(0.5 * (left + right))
-            signs.append(-sign)
-        if not rows:
-            return np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 3)), np.zeros(0)
-        row, place = np.concatenate(rows), np.concatenate(where)
-        # At smooth ends r' is 0 by nature and changes sign by rounding.
-        inner = np.flatnonzero((place > 1e-6) & (place < 1 - 1e-6))
-        row, place, sign = row[inner], place[inner], np.concatenate(signs)[inner]
-        order = np.lexsort((place, row))
-        row, place = row[order], place[order]
-        return row, place, self.disks(row, place), sign[order]
+        return extrema.critical(self)
 
     @cached_property
     def by_degree(self) -> list[tuple[int, IntArray, FloatArray]]:
         """Pieces grouped by degree: (degree, rows, (k, degree + 1, 3) coefficients)."""
-        groups = []
-        for degree in np.unique(self.fit.degree):
-            members = np.flatnonzero(self.fit.degree == degree)
-            groups.append(
-                (int(degree), members, np.stack([self.fit.coefficients[m] for m in members]))
-            )
-        return groups
+        return self.fit.tables()
 
     def disks(self, row: IntArray, fraction: FloatArray) -> FloatArray:
         """(k, 3) disks (x, y, r) of pieces `row` at `fraction`, relative to the sites' origin."""
@@ -207,45 +202,21 @@ class MedialAxis:
         for value in np.unique(degree):
             members = np.flatnonzero(degree == value)
             basis = bernstein(int(value), fraction[members])
-            table = np.stack([self.fit.coefficients[k] for k in row[members]])
+            first = self.fit.offset[row[members], None]
+            table = self.fit.control[first + np.arange(value + 1)]
             result[members] = np.einsum("ij,ijk->ik", basis, table)
         return result
 
     def largest_disk(self) -> tuple[FloatArray, float]:
-        """Centre and radius of a largest inscribed disk, mm."""
-        _, _, disks, _ = self.critical
-        radius = np.concatenate([self.fit.vertex_radius, disks[:, 2]])
-        centre = np.concatenate([self.fit.vertex_centre, disks[:, :2]])
-        best = int(np.argmax(radius))
-        return np.asarray(centre[best] + self.sites.origin), float(radius[best])
+        """Centre and radius of a largest inscribed disk, mm; see `extrema.largest_disk`."""
+        return extrema.largest_disk(self)
 
     def narrowest_neck(self) -> tuple[FloatArray, float] | None:
-        """Axis point and radius where the region is locally narrowest, or None without a neck."""
-        _, _, disks, sign = self.critical
-        centre, radius = disks[sign > 0, :2], disks[sign > 0, 2]
-        vertex, value = self._neck_vertices()
-        centre, radius = np.concatenate([centre, vertex]), np.concatenate([radius, value])
-        if not len(radius):
-            return None
-        best = int(np.argmin(radius))
-        return np.asarray(centre[best] + self.sites.origin), float(radius[best])
+        """Axis point and radius where the region is locally narrowest, or None without a neck.
 
-    def _neck_vertices(self) -> tuple[FloatArray, FloatArray]:
-        """Vertices of degree two or more from which r rises (or stays) along every edge."""
-        count = len(self.fit.vertex_radius)
-        lowest = np.full(count, np.inf)
-        highest = np.full(count, -np.inf)
-        degree = np.zeros(count, dtype=np.int64)
-        rows = np.arange(len(self.span.site))
-        for vertex, fraction in ((self.span.first, 0.02), (self.span.last, 0.98)):
-            near = self.disks(rows, np.full(len(rows), fraction))[:, 2]
-            rise = near - self.fit.vertex_radius[vertex]
-            np.minimum.at(lowest, vertex, rise)
-            np.maximum.at(highest, vertex, rise)
-            np.add.at(degree, vertex, 1)
-        slack = 1e-12 * self.sites.size
-        neck = (degree >= 2) & (lowest >= -slack) & (highest > slack)
-        return self.fit.vertex_centre[neck], self.fit.vertex_radius[neck]
+        See `grassfire.medial.extrema.narrowest_neck`.
+        """
+        return extrema.narrowest_neck(self)
 
     def offset_tree(self, distances: FloatArray) -> tuple[OffsetNode, ...]:
         """Trimmed offsets at ascending distances, as a tree of connected components.
@@ -253,6 +224,58 @@ class MedialAxis:
         See `grassfire.medial.offset.offset_tree`.
         """
         return offset_tree(self, np.asarray(distances, dtype=np.float64))
+
+    def nearest_axis_point(self, points: ArrayLike) -> queries.Nearest:
+        """Nearest points of the axis; see `queries.nearest_axis_point`."""
+        return queries.nearest_axis_point(self, points)
+
+    def point(self, edge: ArrayLike, fraction: ArrayLike) -> FloatArray:
+        """Points (n, 2) at fractions of edges; see `queries.disk`."""
+        return queries.disk(self, edge, fraction)[0]
+
+    def radius(self, edge: ArrayLike, fraction: ArrayLike) -> FloatArray:
+        """Radii (n,) at fractions of edges; see `queries.disk`."""
+        return queries.disk(self, edge, fraction)[1]
+
+    def tangent(self, edge: ArrayLike, fraction: ArrayLike) -> FloatArray:
+        """Unit tangents (n, 2) at fractions of edges; see `queries.tangent`."""
+        return queries.tangent(self, edge, fraction)
+
+    def separation_angle(self, edge: ArrayLike, fraction: ArrayLike) -> FloatArray:
+        """Angles (n,) between the feet of disks; see `queries.separation_angle`."""
+        return queries.separation_angle(self, edge, fraction)
+
+    def prune(self, angle: float) -> parts.AxisGraph:
+        """The axis cut back to a separation angle; see `parts.prune`."""
+        return parts.prune(self, angle)
+
+    def subgraph(self, minimum_radius: float) -> parts.AxisGraph:
+        """The part of the axis with r >= `minimum_radius`; see `parts.subgraph`."""
+        return parts.subgraph(self, minimum_radius)
+
+    def path(
+        self, start: ArrayLike, end: ArrayLike, minimum_clearance: float = 0.0
+    ) -> ways.AxisPath:
+        """Shortest way along the axis between two points; see `ways.path`."""
+        return ways.path(self, start, end, minimum_clearance)
+
+    def trimmed_offset(self, distance: float) -> trimmed.TrimmedOffset:
+        """All points with a clearance of `distance`; see `trimmed.trimmed_offset`."""
+        return trimmed.trimmed_offset(self, distance)
+
+    def reachable(self, tool_radius: float) -> tuple[Region, ...]:
+        """What disks of a radius inside the region cover; see `opening.reachable`."""
+        return opening.reachable(self, tool_radius)
+
+    def unreachable(self, tool_radius: float) -> tuple[Region, ...]:
+        """What disks of a radius inside the region leave; see `opening.unreachable`."""
+        return opening.unreachable(self, tool_radius)
+
+    def recovered_boundary(
+        self, samples_per_edge: int = 17
+    ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+        """Edge, fraction, left and right boundary points; see `recover.recover_boundary`."""
+        return recover.recover_boundary(self, samples_per_edge)
 
     # -- output -----------------------------------------------------------------------------------
 
@@ -278,53 +301,118 @@ class MedialAxis:
             "certificate": self.certificate.to_dict(),
         }
 
+    def to_json(self) -> str:
+        """As JSON that `from_json` reads; see `grassfire.medial.archive`."""
+        return archive.to_json(self)
+
+    @staticmethod
+    def from_json(text: str) -> MedialAxis:
+        """The axis that `to_json` wrote, computed and certified anew."""
+        return archive.from_json(text)
+
+    def to_networkx(self) -> networkx.MultiGraph[int]:
+        """As a NetworkX graph; see `grassfire.medial.network.to_networkx`."""
+        return network.to_networkx(self)
+
+    def _repr_svg_(self) -> str:
+        """Picture for notebooks; see `grassfire.medial.picture.svg`."""
+        return picture.svg(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Fields alone: what is derived from them is derived again after unpickling."""
+        return {item.name: getattr(self, item.name) for item in fields(self)}
+
+
+@overload
+def medial_axis(
+    region: Source, tol: float = default.MEDIAL, angular_tolerance: float = default.ANGULAR
+) -> MedialAxis: ...
+
+
+@overload
+def medial_axis(
+    region: MultiPolygonLike,
+    tol: float = default.MEDIAL,
+    angular_tolerance: float = default.ANGULAR,
+) -> tuple[MedialAxis, ...]: ...
+
 
 def medial_axis(
-    region: Region,
-    tolerance: float = default.MEDIAL,
+    region: Source | MultiPolygonLike,
+    tol: float = default.MEDIAL,
     angular_tolerance: float = default.ANGULAR,
-) -> MedialAxis:
+) -> MedialAxis | tuple[MedialAxis, ...]:
     """Exact medial axis transform of a region by offset self-intersections (Dorado 2009).
 
     Parameters
     ----------
-    region : Region
-        Lines, arcs, elliptical arcs, Beziers and B-splines, corners and islands included.
-    tolerance : float
+    region : Region, polygon or points
+        Lines, arcs, elliptical arcs, Beziers and B-splines, corners and islands included. Also a
+        Shapely Polygon, or loops of points: see `grassfire.medial.exchange.as_region`.
+    tol : float
         Largest deviation of the polynomial edges from the exact disks, mm.
     angular_tolerance : float
         Convex corners that turn by less get no branch of their own, radians.
+
+    Returns
+    -------
+    MedialAxis
+        For a Shapely MultiPolygon a tuple of them, one a polygon, in its order.
 
     Raises
     ------
     GeometryError
         When the result cannot be certified, with the place.
+    InputError
+        When the first argument is no region.
     """
-    if not tolerance > 0:
+    if not tol > 0:
         raise GeometryError("the tolerance of the medial axis must be above 0")
-    smooth_angle = _smooth_angle(region, tolerance, angular_tolerance)
+    given = as_region(region)
+    if isinstance(given, tuple):
+        return tuple(_certified(member, tol, angular_tolerance) for member in given)
+    return _certified(given, tol, angular_tolerance)
+
+
+def _certified(region: Region, tol: float, angular_tolerance: float) -> MedialAxis:
+    """The transform of one region, from the first attempt that can be certified."""
     last: GeometryError | None = None
     # Whatever the samples missed breaks the pairing or the certificate: look again, closer. Turns
     # between smooth and sharp that rounding cannot resolve are then taken as smooth.
-    for factor, widening, least_fan, blur in _ATTEMPTS:
-        turn = widening * smooth_angle
+    for attempt in _ATTEMPTS:
         try:
-            sites, beziers = build_sites(region, turn, max(least_fan * turn, 1e-9))
-            search = BoundarySearch(sites, max(256, 2 * len(sites)) * factor)
-            topology = Topology(sites, search, blur * _rounding(region, sites), turn)
-            graph = build_graph(topology)
-            accuracy = max(0.05 * tolerance, min(0.5 * tolerance, 4e-12 * sites.size))
-            fit = fit_edges(sites, graph, accuracy, max(0.5 * tolerance, 3e-8))
-            certificate = certify(region, sites, search, graph, fit, tolerance)
+            return _compute(region, tol, angular_tolerance, attempt)
         except GeometryError as error:
             last = last or error
-            continue
-        pruned = _pruned(sites, graph, fit, angular_tolerance)
-        return MedialAxis(
-            region, sites, beziers, search, graph, fit, pruned, certificate, tolerance
-        )
     assert last is not None
     raise last
+
+
+def _compute(
+    region: Region, tol: float, angular_tolerance: float, attempt: tuple[int, float, float, float]
+) -> MedialAxis:
+    density, widening, least_fan, blur = attempt
+    turn = widening * _smooth_angle(region, tol, angular_tolerance)
+    clock = [time.perf_counter()]
+    sites, beziers = build_sites(region, turn, max(least_fan * turn, 1e-9))
+    clock.append(time.perf_counter())
+    search = BoundarySearch(sites, region.area, density)
+    clock.append(time.perf_counter())
+    topology = Topology(sites, search, blur * _rounding(region, sites), turn, density)
+    graph = build_graph(topology)
+    clock.append(time.perf_counter())
+    accuracy = max(0.05 * tol, min(0.5 * tol, 4e-12 * sites.size))
+    fit = fit_edges(sites, graph, accuracy, max(0.5 * tol, 3e-8), 0.5 * tol)
+    clock.append(time.perf_counter())
+    certificate = certify(region, sites, search, graph, fit, tol)
+    clock.append(time.perf_counter())
+    pruned = _pruned(sites, graph, fit, angular_tolerance)
+    stages = ("sites", "search", "graph", "edges", "certificate")
+    seconds = dict(zip(stages, np.diff(clock).tolist(), strict=True))
+    return MedialAxis(
+        region, sites, beziers, search, graph, fit, pruned, certificate, tol, angular_tolerance,
+        seconds,
+    )  # fmt: skip
 
 
 def _rounding(region: Region, sites: Sites) -> float:

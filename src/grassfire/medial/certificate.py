@@ -10,14 +10,28 @@ from scipy.sparse.csgraph import connected_components
 
 from grassfire.errors import GeometryError
 from grassfire.geometry import Region
-from grassfire.geometry.chebyshev import bernstein
-from grassfire.medial.edges import Fit, Span, evaluate_span
+from grassfire.geometry.chebyshev import (
+    bernstein,
+    coefficients,
+    differentiate_values,
+    interpolate_to_bezier,
+)
+from grassfire.medial.edges import NODES, TOP, Fit, evaluate_span, motion
 from grassfire.medial.graph import Graph
+from grassfire.medial.recover import envelope, jets
 from grassfire.medial.search import BoundarySearch
-from grassfire.medial.sites import FloatArray, IntArray, SiteKind, Sites
+from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, dot
 from grassfire.medial.topology import WHOLE
 
-_PROBES = np.array([0.0, 0.07, 0.21, 0.4, 0.5, 0.63, 0.82, 0.95, 1.0])
+_PROBES = np.array([0.09, 0.34, 0.66, 0.91])
+"""Between the Chebyshev points of all degrees."""
+
+_COMMON = 2.0
+"""Tolerances by which eqs. (8) and (9) may be off: one for the centre and one for the radius."""
+
+_ALONE = 10.0
+"""The same with the normals that follow from the edges alone: derivatives of polynomials of degree
+12 lose a digit."""
 
 
 @dataclass(frozen=True)
@@ -27,9 +41,12 @@ class Certificate:
     Attributes
     ----------
     interpolation_error : float
-        Largest |1 - n.(c* - c) / r*| of eq. (8) of Dorado 2009, times r*: mm.
+        Largest |1 - n.(c* - c) / r*| of eq. (8) of Dorado 2009, times r*, on both sides of the
+        edges: mm.
     recovery_error : float
-        Largest distance between the boundary and the boundary recovered by eqs. (1) and (9), mm.
+        Eq. (9): largest distance between the boundary and the boundary recovered by eq. (1), mm;
+        both with the normals of the boundary at the feet of the centres, and with those that
+        follow from the edges alone.
     area_error : float
         Difference between the area of the region and that of the disks' cells, mm^2.
     max_disk_error : float
@@ -54,38 +71,57 @@ def certify(
 ) -> Certificate:
     """Prove the transform, or raise.
 
+    Disks are compared with the whole boundary at all vertices and at four places of every piece;
+    lines and parabolas, which touch both of their sites all along, at their middle. A site that
+    reached into disks between these places would be counted twice by the area identity.
+
     Raises
     ------
     GeometryError
         With the place where it fails.
     """
-    euler = _euler(region, fit)
-    if not euler:
+    if not _euler(region, fit):
         raise GeometryError("the medial axis is not connected as its region is")
-    centre, radius = fit.vertex_centre, fit.vertex_radius
-    interpolation = recovery = 0.0
-    if len(fit.degree):
-        disks, slope = _probe(fit)
-        interpolation = _interpolation_error(sites, fit.span, disks)
-        recovery = _recovery_error(sites, fit.span, disks, slope, tolerance)
-        centre = np.concatenate([centre, disks[:, :, :2].reshape(-1, 2)])
-        radius = np.concatenate([radius, disks[:, :, 2].ravel()])
-    distance, _, _ = search.nearest(centre)
-    error = np.abs(distance - radius)
-    worst = int(np.argmax(error))
-    if error[worst] > tolerance:
-        raise GeometryError(
-            f"a disk of the medial axis is off by {error[worst]:.3g} mm",
-            place=tuple(centre[worst] + sites.origin),
-        )
-    area_error = abs(_cell_area(sites, graph, fit) - region.area)
-    limit = 10 * tolerance * search.perimeter + 1e-12 * sites.size**2
-    if area_error > limit:
+    row, fraction = _places(fit)
+    disks, first, second = jets(fit, row, fraction)
+    interpolation, same = _interpolation_errors(sites, fit, row, fraction, disks)
+    limit = _COMMON * tolerance
+    _demand(sites, disks, interpolation, limit, "a disk of the medial axis misses its site")
+    _demand(sites, disks, same, limit, "the recovered boundary is off")
+    recovered = np.concatenate(envelope(disks, first, second, fraction))
+    centre = np.concatenate([fit.vertex_centre, disks[:, :2]])
+    radius = np.concatenate([fit.vertex_radius, disks[:, 2]])
+    away = np.abs(search.nearest(centre)[0] - radius)
+    every = np.concatenate([centre, radius[:, None]], axis=1)
+    _demand(sites, every, away, tolerance, "a disk of the medial axis is off")
+    alone = _recovery_errors(sites, search, fit, row, fraction, recovered, tolerance)
+    slide = _slide(sites, fit)[row]
+    excess = np.where(slide <= disks[:, 2], alone - slide, 0.0)
+    _demand(sites, disks, excess, _ALONE * tolerance, "the boundary recovered alone is off")
+    recovery = np.maximum(same, np.where(slide <= 0.1 * disks[:, 2], alone, 0.0))
+    area_error = abs(_cell_area(sites, graph, fit, tolerance) - region.area)
+    if area_error > 10 * tolerance * search.perimeter + 1e-12 * sites.size**2:
         raise GeometryError(
             f"the cells of the medial axis differ from the area by {area_error:.3g} mm^2",
             place=tuple(sites.origin),
         )
-    return Certificate(interpolation, recovery, area_error, float(error[worst]), euler)
+    return Certificate(
+        interpolation_error=float(interpolation.max(initial=0.0)),
+        recovery_error=float(recovery.max(initial=0.0)),
+        area_error=area_error,
+        max_disk_error=float(away.max()),
+        euler=True,
+    )
+
+
+def _demand(sites: Sites, disks: FloatArray, error: FloatArray, limit: float, message: str) -> None:
+    """Raise at the disk with the largest error where that is above the limit, or no number."""
+    if not len(error):
+        return
+    worst = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
+    if not error[worst] <= limit:
+        place = tuple(disks[worst, :2] + sites.origin)
+        raise GeometryError(f"{message} by {error[worst]:.3g} mm", place=place)
 
 
 def _euler(region: Region, fit: Fit) -> bool:
@@ -98,105 +134,190 @@ def _euler(region: Region, fit: Fit) -> bool:
     return bool(count == 1)
 
 
-def _probe(fit: Fit) -> tuple[FloatArray, FloatArray]:
-    """(k, n, 3) disks at the probes and their derivatives by the fraction."""
-    count = len(fit.degree)
-    disks = np.zeros((count, len(_PROBES), 3))
-    slope = np.zeros_like(disks)
-    for degree in np.unique(fit.degree):
-        rows = np.flatnonzero(fit.degree == degree)
-        table = np.stack([fit.coefficients[row] for row in rows])
-        disks[rows] = bernstein(int(degree), _PROBES) @ table
-        difference = degree * np.diff(table, axis=1)
-        slope[rows] = bernstein(int(degree) - 1, _PROBES) @ difference
-    return disks, slope
+def _places(fit: Fit) -> tuple[IntArray, FloatArray]:
+    """Pieces (n,) and fractions (n,) at which the disks are tried."""
+    plain, curved = np.flatnonzero(fit.exact), np.flatnonzero(~fit.exact)
+    row = np.concatenate([plain, np.repeat(curved, len(_PROBES))])
+    fraction = np.concatenate([np.full(len(plain), 0.5), np.tile(_PROBES, len(curved))])
+    return row, fraction
 
 
-def _frames(sites: Sites, span: Span) -> tuple[FloatArray, FloatArray]:
-    width = len(_PROBES)
-    parameter = span.start[:, None] + (span.end - span.start)[:, None] * _PROBES
-    position, normal, _ = sites.frame(np.repeat(span.site, width), parameter.ravel())
-    return position.reshape(-1, width, 2), normal.reshape(-1, width, 2)
+def _facing(fit: Fit, row: IntArray, fraction: FloatArray) -> FloatArray:
+    """(n,) contacts on the partners, interpolated."""
+    table = interpolate_to_bezier(fit.facing[..., None])[..., 0]
+    return np.asarray(np.einsum("ij,ij->i", bernstein(TOP, fraction), table[row]))
 
 
-def _interpolation_error(sites: Sites, span: Span, disks: FloatArray) -> float:
-    """Eq. (8), times r*: how far n.(c* - c) is from r*."""
-    position, normal = _frames(sites, span)
-    along = np.einsum("kni,kni->kn", normal, disks[:, :, :2] - position)
-    return float(np.abs(along - disks[:, :, 2]).max())
+# -- eqs. (8) and (9) -----------------------------------------------------------------------------
 
 
-def _recovery_error(
-    sites: Sites, span: Span, disks: FloatArray, slope: FloatArray, tolerance: float
-) -> float:
-    """Eq. (9): boundary from eq. (1), the envelope of the disks, against the boundary.
+def _interpolation_errors(
+    sites: Sites, fit: Fit, row: IntArray, fraction: FloatArray, disks: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Eqs. (8), times r*, and (9) at places (n,): |n.(c* - c) - r*| and |c - (c* - r* n)|.
 
-    c = m - r (r' m' -+ sqrt(|m'|^2 - r'^2) J m') / |m'|^2, on the side of the span. Probes
-    where the axis stands still (the ends of smooth branches), or pieces shorter than a thousand
-    tolerances, determine no envelope and are left out.
+    (8) takes c at the same parameter on the near side; otherwise c is the foot of c*, where both
+    are the error of its distance. So (9) does not count how far c* lies along the axis from the
+    exact centre: vertices between nearly parallel contacts are open in that direction.
     """
-    position, _ = _frames(sites, span)
-    axis, radius = slope[:, :, :2], slope[:, :, 2]
-    square = np.einsum("kni,kni->kn", axis, axis)
-    fastest = np.sqrt(square.max(axis=1, keepdims=True))
-    steady = square > np.maximum(0.1 * fastest, 1e3 * tolerance) ** 2
-    safe = np.where(steady, square, 1.0)
-    root = np.sqrt(np.maximum(safe - radius**2, 0.0))
-    across = np.stack([-axis[:, :, 1], axis[:, :, 0]], axis=2)
-    best = np.full(square.shape, np.inf)
-    for sign in (1.0, -1.0):
-        direction = radius[:, :, None] * axis + sign * root[:, :, None] * across
-        recovered = disks[:, :, :2] - disks[:, :, 2:] * direction / safe[:, :, None]
-        away = recovered - position
-        best = np.minimum(best, np.hypot(away[:, :, 0], away[:, :, 1]))
-    # Tangent disks leave root ~ sqrt(rounding): only well-seen probes measure the fit.
-    seen = steady & (root > 1e-2 * np.sqrt(safe))
-    seen[:, [0, -1]] = False
-    return float(best[seen].max()) if seen.any() else 0.0
+    span = fit.span.take(row)
+    parameter = span.start + (span.end - span.start) * fraction
+    position, normal, _ = sites.frame(span.site, parameter)
+    along = np.abs(np.einsum("ij,ij->i", normal, disks[:, :2] - position) - disks[:, 2])
+    site = np.concatenate([span.site, span.partner])
+    hint = np.concatenate([parameter, _facing(fit, row, fraction)])
+    distance = _distance(sites, site, np.concatenate([disks[:, :2]] * 2), hint)
+    near, far = np.abs(distance.reshape(2, -1) - disks[:, 2])
+    return np.maximum(along, far), np.maximum(near, far)
 
 
-def _cell_area(sites: Sites, graph: Graph, fit: Fit) -> float:
-    """Sum over the boundary of the integral of r - k r^2 / 2, fans r^2 / 2 by angle."""
-    node, weight = np.polynomial.legendre.leggauss(14)
-    fraction, weight = 0.5 * (node + 1), 0.5 * weight
+def _distance(sites: Sites, site: IntArray, point: FloatArray, hint: FloatArray) -> FloatArray:
+    """Distances of points (n, 2) from sites, (n,); spirals have their feet next to the hints.
+
+    Two steps of Newton's method from the interpolated contact are more than rounding can tell;
+    what they leave only makes the distance longer, and an error larger.
+    """
+    result = np.zeros(len(site))
+    spiral = sites.kind[site] == SiteKind.SPIRAL
+    rows = np.flatnonzero(~spiral)
+    if len(rows):
+        result[rows] = sites.project(site[rows], point[rows], hint[rows])[1]
+    rows = np.flatnonzero(spiral)
+    if len(rows):
+        owner, centre = site[rows], point[rows]
+        low, high = sites.low[owner], sites.high[owner]
+        foot = np.clip(hint[rows], low, high)
+        for _ in range(2):
+            place, first, second = sites.derivatives(owner, foot, 2)
+            offset = place - centre
+            flat = dot(first, first)
+            curve = flat + dot(offset, second)
+            # Next to a centre of curvature the full second derivative vanishes.
+            curve = np.where(curve > 1e-3 * flat, curve, flat)
+            foot = np.clip(foot - dot(offset, first) / curve, low, high)
+        offset = sites.point(owner, foot) - centre
+        result[rows] = np.hypot(offset[:, 0], offset[:, 1])
+    return result
+
+
+def _slide(sites: Sites, fit: Fit) -> FloatArray:
+    """(k,) how far rounding may move the points recovered from pieces, mm.
+
+    It is some 1e-13 of the size in coordinates, which turns the tangent of a piece of length l by
+    ten times that over l, and moves its points by r times the turn. Pieces that are so short that
+    this comes to a tenth of r say nothing about their normals.
+    """
+    radius = np.maximum(fit.span.first_disk[:, 2], fit.span.last_disk[:, 2])
+    step = fit.span.last_disk - fit.span.first_disk
+    length = np.abs(step).max(axis=1)
+    return np.asarray(radius * 1e-12 * sites.size / np.maximum(length, 1e-300))
+
+
+def _recovery_errors(
+    sites: Sites,
+    search: BoundarySearch,
+    fit: Fit,
+    row: IntArray,
+    fraction: FloatArray,
+    recovered: FloatArray,
+    tolerance: float,
+) -> FloatArray:
+    """Larger distance of the left and right recovered points (2 n, 2) from the boundary, (n,)."""
+    span = fit.span.take(row)
+    parameter = span.start + (span.end - span.start) * fraction
+    site = np.concatenate([span.partner, span.site])
+    hint = np.concatenate([_facing(fit, row, fraction), parameter])
+    distance = _distance(sites, site, recovered, hint)
+    # Points that slid beyond the end of their site belong to the next one.
+    rows = np.flatnonzero(distance > 0.5 * tolerance)
+    if len(rows):
+        distance[rows] = search.nearest(recovered[rows])[0]
+    return np.asarray(np.maximum(distance[: len(row)], distance[len(row) :]))
+
+
+# -- area -----------------------------------------------------------------------------------------
+
+
+def _cell_area(sites: Sites, graph: Graph, fit: Fit, tolerance: float) -> float:
+    """Sum over the boundary of the integral of r - k r^2 / 2, fans r^2 / 2 by angle.
+
+    Clenshaw-Curtis quadrature at the Chebyshev points at which the contacts are known. The cell of
+    a line, or of a point, in front of a line or parabola is a quadratic: Simpson's rule is exact.
+    """
+    kind = sites.kind[fit.span.partner]
+    simple = fit.exact & ((kind == SiteKind.LINE) | (kind == SiteKind.POINT))
     total = 0.0
-    for span in (fit.span, fit.span.swapped()) if len(fit.degree) else ():
-        disks, _ = evaluate_span(sites, span, fraction)
-        total += _side_area(
-            sites, span.site, span.start, span.end, disks[:, :, 2], fraction, weight
-        )
+    for rows, count in ((np.flatnonzero(simple), 2), (np.flatnonzero(~simple), TOP)):
+        if len(rows):
+            chosen = np.arange(0, TOP + 1, TOP // count)
+            total += _both_sides(sites, fit, rows, chosen, tolerance)
     whole = np.flatnonzero(graph.partner == WHOLE)
     if len(whole):
-        radius = np.repeat(graph.vertex_radius[graph.first[whole], None], len(fraction), axis=1)
-        total += _side_area(
-            sites, graph.site[whole], graph.start[whole], graph.end[whole], radius, fraction, weight
-        )
+        site, start, end = graph.site[whole], graph.start[whole], graph.end[whole]
+        radius = graph.vertex_radius[graph.first[whole], None]
+        density, _ = _density(sites, site, 0.5 * (start + end)[:, None], radius)
+        total += float(np.sum(density[:, 0] * (end - start)))
     # A convex kink that is no corner turns at once: its cells overlap by a wedge.
     kink = ~sites.corner_after[graph.site] & (graph.end >= sites.high[graph.site])
     turn = sites.turn_after[graph.site[kink]]
     return total - float(np.sum(turn * graph.last_radius[kink] ** 2)) / 2
 
 
-def _side_area(
-    sites: Sites,
-    site: IntArray,
-    start: FloatArray,
-    end: FloatArray,
-    radius: FloatArray,
-    fraction: FloatArray,
-    weight: FloatArray,
+def _both_sides(
+    sites: Sites, fit: Fit, rows: IntArray, chosen: IntArray, tolerance: float
 ) -> float:
-    width = len(fraction)
-    parameter = (start[:, None] + (end - start)[:, None] * fraction).ravel()
-    rows = np.repeat(site, width)
-    first = sites.derivatives(rows, parameter, 1)[1]
-    _, _, curvature = sites.frame(rows, parameter)
-    speed = np.hypot(first[:, 0], first[:, 1])
-    flat = radius.ravel()
-    flat = np.where(np.isfinite(flat), flat, 0.0)
-    fan = sites.kind[rows] == SiteKind.POINT
-    bend = np.where(fan, 0.0, curvature)
-    density = (flat - bend * flat**2 / 2) * speed
-    density = np.where(fan, flat**2 / 2 * np.abs(sites.extent[rows, 1]), density)
-    scaled = density.reshape(-1, width) @ weight
-    return float(np.sum(scaled * (end - start)))
+    """Cells of pieces `rows` on both sides, by values at the `chosen` Chebyshev points.
+
+    On the far side the boundary runs as the interpolated contact does. In front of a corner that
+    is no polynomial, but both feet see the centre move alike across their normals: by
+    ds (1 - k r) on the near side, by r times its turn at the corner.
+    """
+    width = len(chosen)
+    span = fit.span.take(rows)
+    weight = interpolate_to_bezier(np.eye(width)).mean(axis=0)
+    radius = np.zeros((len(fit.degree), width))
+    for degree, members, table in fit.tables():
+        radius[members] = table[:, :, 2] @ bernstein(degree, NODES[chosen]).T
+    radius = np.maximum(radius[rows], 0.0)
+    parameter = span.parameter(NODES[chosen])
+    near, moved = _density(sites, span.site, parameter, radius)
+    length = (span.end - span.start)[:, None]
+    pace = -differentiate_values(fit.facing[rows][..., None])[:, chosen, 0]
+    facing = np.clip(fit.facing[rows], span.facing_end[:, None], span.facing_start[:, None])
+    far, _ = _density(sites, span.partner, facing[:, chosen], radius)
+    point = (sites.kind[span.partner] == SiteKind.POINT)[:, None]
+    far = np.where(point, 0.5 * radius * moved * length, far * pace)
+    rough = np.flatnonzero(_rough(sites, fit, rows, tolerance) & ~point[:, 0])
+    if len(rough):
+        other = span.take(rough).swapped()
+        disks, _ = evaluate_span(sites, other, NODES[chosen])
+        reach = np.nan_to_num(disks[..., 2], posinf=0.0)
+        there, _ = _density(sites, other.site, other.parameter(NODES[chosen]), reach)
+        far[rough] = there * (other.end - other.start)[:, None]
+    return float(np.sum((near * length + far) @ weight))
+
+
+def _rough(sites: Sites, fit: Fit, rows: IntArray, tolerance: float) -> BoolArray:
+    """(k,) whether the contact of a piece is resolved worse than the piece itself.
+
+    So it is where the partner's centre of curvature comes close to the axis.
+    """
+    span = fit.span.take(rows)
+    tail = np.abs(coefficients(fit.facing[rows][..., None])[:, -2:, 0]).sum(axis=1)
+    middle = 0.5 * (span.facing_start + span.facing_end)
+    return np.asarray(tail * sites.speed(span.partner, middle, span.first_disk[:, 2]) > tolerance)
+
+
+def _density(
+    sites: Sites, site: IntArray, parameter: FloatArray, radius: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Area of the cells of `site` (k,) and motion of the centre per unit of parameter, (k, n)."""
+    shape = parameter.shape
+    owner, flat = np.repeat(site, shape[1]), parameter.ravel()
+    reach = radius.ravel()
+    moved, curvature = motion(sites, owner, flat, reach)
+    point = sites.kind[owner] == SiteKind.POINT
+    bend = np.where(point, 0.0, curvature)
+    share = np.where(point, 0.5 * reach, reach - bend * reach**2 / 2)
+    speed = sites.speed(owner, flat, reach)
+    return (share * speed).reshape(shape), moved.reshape(shape)

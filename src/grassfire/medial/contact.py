@@ -8,7 +8,7 @@ differences of the curves themselves, which do not cancel.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from grassfire.medial.sites import (
     Sites,
     disk_through,
     dot,
+    evaluate_rational,
 )
 
 # At flat corners only a sliver next to the end can be touched: the grid crowds towards both ends.
@@ -57,7 +58,8 @@ class _Near:
     """Tangents against spirals: how their chords are formed.
 
     `same`: both on one Bezier curve. `adjacent`: the sites meet in j, at `end` of the target;
-    `relative` is p - j and `rise` is n.(j - p), both without cancellation.
+    `relative` is p - j and `rise` is n.(j - p), both without cancellation. `table` are the
+    coefficients of the targets' curves, where they are wanted.
     """
 
     tangents: Tangents
@@ -67,6 +69,7 @@ class _Near:
     end: FloatArray
     relative: FloatArray
     rise: FloatArray
+    table: FloatArray
 
     def take(self, index: IntArray) -> _Near:
         return _Near(
@@ -135,7 +138,8 @@ def _near(sites: Sites, tangents: Tangents, target: IntArray) -> _Near:
         end = np.where(forward, sites.high[own], sites.low[own])
         relative[rows], rise[rows] = _from_end(sites, tangents.take(rows), end[rows])
     far = np.where(forward, sites.low[target], sites.high[target])
-    return _Near(tangents, target, same, adjacent & ~same, far, relative, rise)
+    table = np.zeros((len(own), 0, 3))
+    return _Near(tangents, target, same, adjacent & ~same, far, relative, rise, table)
 
 
 def _from_end(sites: Sites, tangents: Tangents, end: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -290,6 +294,7 @@ def _clip(
 
 
 def _spiral(sites: Sites, near: _Near, hint: FloatArray) -> tuple[FloatArray, FloatArray]:
+    near = replace(near, table=sites.coefficients[sites.bezier[near.target]])
     parameter, radius, good = _newton(sites, near, hint)
     rows = np.flatnonzero(~good)
     if len(rows):
@@ -307,7 +312,7 @@ def _chords(
     rows = np.flatnonzero(near.same)
     if len(rows):
         step = (parameter - near.tangents.parameter)[rows]
-        table = sites.coefficients[sites.bezier[near.target[rows]]]
+        table = near.table[rows]
         one, two, weight = divided_differences(
             table, near.tangents.parameter[rows], parameter[rows]
         )
@@ -316,7 +321,7 @@ def _chords(
     rows = np.flatnonzero(near.adjacent)
     if len(rows):
         end = near.end[rows]
-        table = sites.coefficients[sites.bezier[near.target[rows]]]
+        table = near.table[rows]
         one, _, weight = divided_differences(table, end, parameter[rows])
         joint = sites.point(near.target[rows], end)
         along = (parameter[rows] - end)[:, None] * _lowered(one, joint, weight)
@@ -329,7 +334,7 @@ def _stationarity(
     sites: Sites, near: _Near, parameter: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Derivative of (A) up to a positive factor, its derivative, and (A) itself."""
-    point, first, second = sites.derivatives(near.target, parameter, 2)
+    point, first, second = evaluate_rational(near.table, parameter, 2)
     chord, height = _chords(sites, near, parameter, point)
     rho = _disk(chord, height)
     finite = np.where(np.isfinite(rho), rho, 0.0)
@@ -340,29 +345,41 @@ def _stationarity(
 def _newton(
     sites: Sites, near: _Near, hint: FloatArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Projected Newton steps from the hints: contact, radius, and whether they may be believed.
+
+    An end of the target is a contact where (A) rises into the target. The radius must not exceed
+    that of the hint.
+    """
+    count = len(hint)
+    parameter, radius = hint.copy(), np.full(count, np.inf)
+    good = np.zeros(count, dtype=bool)
+    rows = np.flatnonzero(~np.isnan(hint))
+    near = near.take(rows) if len(rows) < count else near
     low, high = sites.low[near.target], sites.high[near.target]
-    span = high - low
-    parameter = np.clip(np.where(np.isnan(hint), low, hint), low, high)
-    radius = np.full(len(hint), np.inf)
-    good = np.zeros(len(hint), dtype=bool)
-    active = np.flatnonzero(~np.isnan(hint))
-    for _ in range(12):
-        if not len(active):
+    value = np.clip(hint[rows], low, high)
+    first = np.full(len(rows), np.nan)
+    for step_number in range(24):
+        if not len(rows):
             break
-        value = parameter[active]
-        slope, curve, rho = _stationarity(sites, near.take(active), value)
+        slope, curve, rho = _stationarity(sites, near, value)
+        if step_number == 0:
+            first = rho * (1 + 1e-9)
+        span = high - low
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = -slope / curve
-        usable = np.isfinite(step) & np.isfinite(rho) & (curve > 0)
-        step = np.where(usable, step, 0.0)
-        new = np.clip(value + step, low[active], high[active])
-        parameter[active] = new
+            step = np.where(curve > 0, -slope / curve, -0.3 * np.sign(slope) * span)
+        reached = np.isfinite(step) & np.isfinite(rho)
+        new = np.clip(value + np.where(reached, step, 0.0), low, high)
         # The step that is left out would be its square, or half of it at a double root.
-        done = np.abs(new - value) <= 1e-13 * span[active]
-        inside = (new > low[active]) & (new < high[active])
-        good[active] = done & usable & inside
-        radius[active] = rho
-        active = active[~done & usable]
+        done = (np.abs(new - value) <= 1e-13 * span) | ~reached
+        parameter[rows], radius[rows] = new, rho
+        # About an osculating disk (A) is flat: Newton's method is slow, but (A) is settled.
+        done |= (step_number >= 9) & (np.abs(new - value) <= 1e-9 * span)
+        good[rows] = done & reached & (rho <= first)
+        value = new
+        if done.any():
+            stay = np.flatnonzero(~done)
+            rows, value, first = rows[stay], value[stay], first[stay]
+            low, high, near = low[stay], high[stay], near.take(stay)
     return parameter, radius, good
 
 
@@ -372,7 +389,7 @@ def _bracketed(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
     grid[:, -1] = high
     count, width = grid.shape
     repeated, flat = near.take(np.repeat(np.arange(count), width)), grid.ravel()
-    point = sites.point(repeated.target, flat)
+    point = evaluate_rational(repeated.table, flat, 0)[0]
     rho = _disk(*_chords(sites, repeated, flat, point)).reshape(count, width)
     best = np.argmin(rho, axis=1)
     rows = np.arange(count)
@@ -398,7 +415,7 @@ def _bracketed(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
         done = np.abs(new - value) <= 1e-13 * (high - low)[active]
         parameter[active] = new
         active = active[~done]
-    point = sites.point(near.target, parameter)
+    point = evaluate_rational(near.table, parameter, 0)[0]
     final = _disk(*_chords(sites, near, parameter, point))
     # Radii are flat about the contact: a sample that is lower by rounding is not nearer to it.
     worse = ~(final <= sampled * (1 + 1e-10))

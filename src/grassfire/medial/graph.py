@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from grassfire.errors import GeometryError
 from grassfire.medial.contact import Tangents, contact
-from grassfire.medial.sites import FloatArray, IntArray, Sites
+from grassfire.medial.sites import BoolArray, FloatArray, IntArray, Sites
 from grassfire.medial.topology import WHOLE, Intervals, Nodes, Topology
 
 
@@ -91,7 +91,10 @@ def _assemble(topology: Topology) -> tuple[Graph, IntArray]:
     first, last = label[intervals.first], label[intervals.last]
     partner = intervals.partner.copy()
     tiny = _tiny(topology, intervals)
-    point = (first == last) & (tiny | (partner == WHOLE) | _stays(topology, intervals))
+    point = (first == last) & (tiny | (partner == WHOLE))
+    loops = np.flatnonzero((first == last) & ~point)
+    if len(loops):
+        point[loops] = _stays(topology, intervals, loops)
     keep = ~(tiny & point)
     partner[point] = WHOLE
     site, start, end = intervals.site[keep], intervals.start[keep], intervals.end[keep]
@@ -117,27 +120,27 @@ def _assemble(topology: Topology) -> tuple[Graph, IntArray]:
     return graph, unpaired
 
 
-def _tiny(topology: Topology, intervals: Intervals) -> np.ndarray:
+def _tiny(topology: Topology, intervals: Intervals) -> BoolArray:
     radius = topology.nodes.radius[intervals.first_node]
     speed = topology.sites.speed(intervals.site, intervals.start, radius)
     return np.asarray((intervals.end - intervals.start) * speed <= topology.snap)
 
 
-def _stays(topology: Topology, intervals: Intervals) -> np.ndarray:
-    """Whether the axis stays within the cluster tolerance of the vertex along the interval."""
+def _stays(topology: Topology, intervals: Intervals, rows: IntArray) -> BoolArray:
+    """Whether the axis stays within the cluster tolerance of the vertex along intervals `rows`."""
     sites: Sites = topology.sites
     fraction = np.array([0.25, 0.5, 0.75])
-    span = intervals.end - intervals.start
-    parameter = (intervals.start[:, None] + span[:, None] * fraction).ravel()
-    site = np.repeat(intervals.site, 3)
-    partner = np.repeat(intervals.partner, 3)
-    safe = np.maximum(partner, 0)
+    start, partner = intervals.start[rows], intervals.partner[rows]
+    span = intervals.end[rows] - start
+    parameter = (start[:, None] + span[:, None] * fraction).ravel()
+    site = np.repeat(intervals.site[rows], 3)
+    safe = np.maximum(np.repeat(partner, 3), 0)
     position, normal, _ = sites.frame(site, parameter)
     tangents = Tangents(position, normal, site, parameter)
     _, radius = contact(sites, tangents, safe, np.full(len(site), np.nan))
     radius = np.where(np.isfinite(radius), radius, 0.0)
     centre = position + radius[:, None] * normal
-    away = centre - np.repeat(topology.nodes.centre[intervals.first_node], 3, axis=0)
+    away = centre - np.repeat(topology.nodes.centre[intervals.first_node[rows]], 3, axis=0)
     limit = 10 * cluster_length(topology)
     return np.asarray(np.all((np.hypot(away[:, 0], away[:, 1]) <= limit).reshape(-1, 3), axis=1))
 
@@ -153,11 +156,12 @@ def _vertices(topology: Topology, intervals: Intervals) -> tuple[IntArray, Float
     events = np.flatnonzero(nodes.vertex >= 0)
     identity = nodes.vertex[events]
     centre, radius = nodes.centre[events], nodes.radius[events]
-    links = [np.stack([identity, identity])]
-    tree = cKDTree(np.concatenate([centre, radius[:, None]], axis=1))
-    near = tree.query_pairs(cluster_length(topology), output_type="ndarray")
-    links.append(np.stack([identity[near[:, 0]], identity[near[:, 1]]]))
+    links = [np.stack([identity, identity])]  # each with itself
+    links.extend(_neighbours(identity, centre, radius, cluster_length(topology)))
     links.append(_triples(topology, events))
+    group = intervals.group[events]
+    same = group[1:] == group[:-1]
+    links.append(np.stack([identity[:-1][same], identity[1:][same]]))
     rows, columns = np.concatenate(links, axis=1)
     count = topology.vertex_count
     matrix = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count))
@@ -172,6 +176,21 @@ def _vertices(topology: Topology, intervals: Intervals) -> tuple[IntArray, Float
         [np.bincount(owner, values, minlength=len(used)) / weight for values in (*centre.T, radius)]
     )
     return label, np.asarray(mean[:2].T), np.asarray(mean[2])
+
+
+def _neighbours(
+    identity: IntArray, centre: FloatArray, radius: FloatArray, length: float
+) -> list[IntArray]:
+    """Links between events nearer than `length`: those of a cell in a row, then the cells."""
+    disk = np.concatenate([centre, radius[:, None]], axis=1)
+    cell = np.floor(disk / (0.5 * length))
+    order = np.lexsort(cell.T)
+    same = np.all(np.diff(cell[order], axis=0) == 0, axis=1)
+    within = np.stack([identity[order[:-1]][same], identity[order[1:]][same]])
+    first = order[np.concatenate([[True], ~same])]
+    near = cKDTree(disk[first]).query_pairs(length, output_type="ndarray")
+    between = np.stack([identity[first[near[:, 0]]], identity[first[near[:, 1]]]])
+    return [within, between]
 
 
 def _triples(topology: Topology, events: IntArray) -> IntArray:
@@ -190,7 +209,7 @@ def _triples(topology: Topology, events: IntArray) -> IntArray:
     order = np.lexsort(triple.T[::-1])
     rows, triple = rows[order], triple[order]
     limit = 1e-6 * topology.sites.size
-    pairs: list[tuple[int, int]] = []
+    pairs = [np.zeros((2, 0), dtype=np.int64)]
     for step in (1, 2):
         if len(rows) <= step:
             continue
@@ -198,17 +217,25 @@ def _triples(topology: Topology, events: IntArray) -> IntArray:
         one, two = rows[:-step][same], rows[step:][same]
         away = np.hypot(*(nodes.centre[one] - nodes.centre[two]).T)
         close = (away <= limit) & (nodes.site[one] != nodes.site[two])
-        pairs.extend(zip(nodes.vertex[one[close]], nodes.vertex[two[close]], strict=True))
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+        pairs.append(np.stack([nodes.vertex[one[close]], nodes.vertex[two[close]]]))
+    return np.concatenate(pairs, axis=1)
 
 
 def _pair(site: IntArray, partner: IntArray, first: IntArray, last: IntArray) -> IntArray:
     """Mates: (i, j, a, b) pairs with (j, i, b, a)."""
     mate = np.full(len(site), -1, dtype=np.int64)
-    forward = np.stack([site, partner, first, last], axis=1)
-    backward = np.stack([partner, site, last, first], axis=1)
-    open_rows = np.flatnonzero(partner != WHOLE)
-    index = {tuple(row): k for k, row in zip(open_rows, forward[open_rows].tolist(), strict=True)}
-    for k, row in zip(open_rows, backward[open_rows].tolist(), strict=True):
-        mate[k] = index.get(tuple(row), -1)
+    rows = np.flatnonzero(partner != WHOLE)
+    if not len(rows):
+        return mate
+    forward = np.stack([site, partner, first, last])[:, rows]
+    backward = np.stack([partner, site, last, first])[:, rows]
+    # Both lists in lexicographic order: equal columns stand at equal ranks.
+    both = np.concatenate([forward, backward], axis=1)
+    order = np.lexsort(both[::-1])
+    step = np.any(np.diff(both[:, order], axis=1) != 0, axis=0)
+    rank = np.empty(both.shape[1], dtype=np.int64)
+    rank[order] = np.concatenate([[0], np.cumsum(step)])
+    holder = np.full(int(rank.max()) + 1, -1, dtype=np.int64)
+    holder[rank[: len(rows)]] = rows
+    mate[rows] = holder[rank[len(rows) :]]
     return mate

@@ -57,7 +57,7 @@ class OffsetNode:
 
 
 @dataclass(frozen=True)
-class _Stretches:
+class Stretches:
     """Kept stretches of pieces at one distance: rows of pieces, fractions, open ends."""
 
     row: IntArray
@@ -88,13 +88,12 @@ def offset_tree(axis: MedialAxis, distances: FloatArray) -> tuple[OffsetNode, ..
     """
     if len(distances) and (distances[0] <= 0 or np.any(np.diff(distances) <= 0)):
         raise GeometryError("offset distances must be above 0 and ascending")
-    walker = _Walker(axis)
+    walker = axis.walker
     nodes: list[OffsetNode] = []
-    previous: tuple[_Stretches, IntArray, IntArray] | None = None
+    previous: tuple[Stretches, IntArray, IntArray] | None = None
     offset = 0
     for level, distance in enumerate(distances):
-        # Ties with r (parallel walls at exactly this distance) are resolved one way throughout.
-        effective = float(distance) + 1e-10 * axis.sites.size
+        effective = settled(axis, float(distance))
         stretches = walker.stretches(effective)
         component, vertex_component = walker.components(stretches, effective)
         found = walker.loops(stretches, component, vertex_component, effective)
@@ -130,6 +129,17 @@ def offset_tree(axis: MedialAxis, distances: FloatArray) -> tuple[OffsetNode, ..
     return tuple(nodes)
 
 
+def settled(axis: MedialAxis, distance: float, ties: int = 1) -> float:
+    """The distance, moved by 1e-10 of the region's size where r has a stationary value there.
+
+    Ties with r (parallel walls, necks and disks of exactly this radius) are resolved one way
+    throughout: left out for `ties` = 1, taken in for `ties` = -1.
+    """
+    slack = 1e-10 * axis.sites.size
+    near = np.abs(axis.walker.levels - distance)
+    return distance + ties * slack if np.any(near < slack) else distance
+
+
 def _label_count(component: IntArray, vertex_component: IntArray) -> int:
     return int(max(component.max(initial=-1), vertex_component.max(initial=-1))) + 1
 
@@ -138,7 +148,7 @@ def _relabel(component: IntArray, renumber: IntArray) -> IntArray:
     return np.where(component >= 0, renumber[np.maximum(component, 0)], -1)
 
 
-def _parent(place: tuple[str, int, float], previous: tuple[_Stretches, IntArray, IntArray]) -> int:
+def _parent(place: tuple[str, int, float], previous: tuple[Stretches, IntArray, IntArray]) -> int:
     stretches, component, vertex_component = previous
     kind, index, fraction = place
     if kind == "vertex":
@@ -147,7 +157,7 @@ def _parent(place: tuple[str, int, float], previous: tuple[_Stretches, IntArray,
     return int(component[np.flatnonzero(inside)[0]])
 
 
-class _Walker:
+class Walker:
     """What all distances share: the boundary's intervals and the monotone parts of the pieces."""
 
     def __init__(self, axis: MedialAxis) -> None:
@@ -195,6 +205,7 @@ class _Walker:
         rows = np.concatenate([np.arange(count), np.arange(count), row])
         place = np.concatenate([np.zeros(count), np.ones(count), fraction])
         radius = np.concatenate([vertex_radius[span.first], vertex_radius[span.last], disks[:, 2]])
+        self.levels = np.concatenate([vertex_radius, disks[:, 2]])
         order = np.lexsort((place, rows))
         rows, place, radius = rows[order], place[order], radius[order]
         same = np.flatnonzero(rows[1:] == rows[:-1])
@@ -204,7 +215,7 @@ class _Walker:
 
     # -- one distance -----------------------------------------------------------------------------
 
-    def stretches(self, distance: float) -> _Stretches:
+    def stretches(self, distance: float) -> Stretches:
         """Where r >= distance on every piece."""
         from_in, to_in = self.part_low >= distance, self.part_high >= distance
         crossing = np.flatnonzero(from_in != to_in)
@@ -226,7 +237,7 @@ class _Walker:
             tail = np.flatnonzero(np.concatenate([~joined, [True]]))
             row, start, cut_start = row[head], start[head], cut_start[head]
             end, cut_end = end[tail], cut_end[tail]
-        return _Stretches(row, start, end, cut_start, cut_end)
+        return Stretches(row, start, end, cut_start, cut_end)
 
     def _cross(self, part: IntArray, distance: float) -> FloatArray:
         """Fractions where r = distance on monotone parts: bisection, then secant on exact disks."""
@@ -265,7 +276,7 @@ class _Walker:
         disks, facing = evaluate_span(self.sites, span, fraction[:, None])
         return disks[:, 0], facing[:, 0]
 
-    def components(self, stretches: _Stretches, distance: float) -> tuple[IntArray, IntArray]:
+    def components(self, stretches: Stretches, distance: float) -> tuple[IntArray, IntArray]:
         """Component of each stretch and of each vertex (-1 below the distance)."""
         span = self.axis.span
         radius = self.axis.fit.vertex_radius
@@ -282,7 +293,7 @@ class _Walker:
 
     def peak(
         self,
-        stretches: _Stretches,
+        stretches: Stretches,
         component: IntArray,
         vertex_component: IntArray,
         label: int,
@@ -316,7 +327,7 @@ class _Walker:
 
     def loops(
         self,
-        stretches: _Stretches,
+        stretches: Stretches,
         component: IntArray,
         vertex_component: IntArray,
         distance: float,
@@ -337,7 +348,7 @@ class _Walker:
             curves = self._curves(items, walk, distance)
             if curves:
                 label = items.component(begin, component, vertex_component)
-                found.setdefault(label, []).append(_close(curves, self.sites.size))
+                found.setdefault(label, []).append(closed_loop(curves, self.sites.size))
         result = []
         for label, loops in found.items():
             ordered = sorted(loops, key=lambda loop: -loop.area)
@@ -346,22 +357,12 @@ class _Walker:
 
     def _curves(self, items: _BoundaryItems, walk: list[int], distance: float) -> list[Curve]:
         """Offset curves of a walk; neighbours on one site are one curve."""
-        runs: list[tuple[int, float, float]] = []
-        for item in walk:
-            site, start, end = items.site[item], items.start[item], items.end[item]
-            if runs and runs[-1][0] == site and runs[-1][2] <= start <= runs[-1][2] + 1e-9:
-                runs[-1] = (site, runs[-1][1], end)
-            else:
-                runs.append((site, start, end))
-        if len(runs) > 1 and runs[0][0] == runs[-1][0]:
-            site, start, end = runs[-1]
-            if end <= runs[0][1] <= end + 1e-9:
-                runs[0] = (site, start, runs[0][2])
-                runs.pop()
-        curves = [self._offset_curve(site, start, end, distance) for site, start, end in runs]
+        runs = [(int(items.site[k]), float(items.start[k]), float(items.end[k])) for k in walk]
+        curves = [self.curve(*run, distance) for run in joined_runs(runs, cyclic=True)]
         return [curve for curve in curves if curve is not None]
 
-    def _offset_curve(self, site: int, start: float, end: float, distance: float) -> Curve | None:
+    def curve(self, site: int, start: float, end: float, distance: float) -> Curve | None:
+        """Offset of a part of a site, None where it has no length to speak of."""
         sites = self.sites
         kind = sites.kind[site]
         least = 1e-9 * sites.size
@@ -370,6 +371,8 @@ class _Walker:
             if end - start <= 1e-12:
                 return None
             base = self.axis.beziers[int(sites.bezier[site])]
+            if distance == 0:
+                return base.subcurve(float(start), float(end))
             return ParallelCurve(base, distance, float(start), float(end))
         if kind == SiteKind.LINE:
             anchor, direction = sites.anchor[site] + origin, sites.extent[site]
@@ -394,7 +397,7 @@ class _Walker:
 class _BoundaryItems:
     """Kept stretches as seen from the boundary, in boundary order, and their successors."""
 
-    def __init__(self, walker: _Walker, stretches: _Stretches, vertex_component: IntArray) -> None:
+    def __init__(self, walker: Walker, stretches: Stretches, vertex_component: IntArray) -> None:
         span = walker.axis.span
         row = stretches.row
         count = len(row)
@@ -443,7 +446,25 @@ class _BoundaryItems:
         return int(vertex_component[self.vertex[item]])
 
 
-def _close(curves: list[Curve], size: float) -> Loop:
+def joined_runs(
+    runs: list[tuple[int, float, float]], cyclic: bool
+) -> list[tuple[int, float, float]]:
+    """Runs (site, start, end) that follow each other on one site made one."""
+    result: list[tuple[int, float, float]] = []
+    for site, start, end in runs:
+        if result and result[-1][0] == site and result[-1][2] <= start <= result[-1][2] + 1e-9:
+            result[-1] = (site, result[-1][1], end)
+        else:
+            result.append((site, start, end))
+    if cyclic and len(result) > 1 and result[0][0] == result[-1][0]:
+        site, start, end = result[-1]
+        if end <= result[0][1] <= end + 1e-9:
+            result[0] = (site, start, result[0][2])
+            result.pop()
+    return result
+
+
+def closed_loop(curves: list[Curve], size: float) -> Loop:
     """A loop of curves whose ends agree to rounding; short lines bridge what does not."""
     extent = float(np.max(np.ptp([curve.start for curve in curves], axis=0)))
     least = 5e-10 * (min(size, extent) if len(curves) > 1 else size)

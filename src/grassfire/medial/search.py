@@ -10,7 +10,13 @@ from scipy.spatial import cKDTree
 from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, disk_through
 
-_FIRST_NEIGHBOURS = 8
+_FIRST_NEIGHBOURS = (12, 6)
+_SAMPLES_PER_SITE = (2, 16)
+_CROWDING = 60.0
+_STRIDE = 16
+_MANY = 4096
+"""Searches of so many points are spread over the processors, and started from every 16th; fewer
+points are given more neighbours at once."""
 
 
 @dataclass(frozen=True)
@@ -27,20 +33,46 @@ class Contacts:
     osculating: BoolArray
 
 
+@dataclass(frozen=True)
+class _Candidates:
+    """Pairs of a query row and a site that may be near: sample parameter and distance.
+
+    `complete` tells per row whether every site that reaches it is among them.
+    """
+
+    row: IntArray
+    site: IntArray
+    hint: FloatArray
+    complete: BoolArray
+
+
 class BoundarySearch:
     """A k-d tree of boundary samples that finds candidates; distances are to the exact curves.
 
     Samples are at most `spacing` apart along each site and turn by at most 0.35 rad from one to
-    the next, so that every boundary point has a sample of its own site within half of that. Which
-    samples can hide a nearer site follows from this bound, and as many are fetched as it demands.
+    the next. A boundary point at distance d is at most sqrt(d^2 + h^2) + bulge from a sample of
+    its own site, h being half a step: which samples can hide a nearer site follows from this bound,
+    and as many are fetched as it demands.
+
+    Parameters
+    ----------
+    sites : Sites
+    area : float
+        Of the region, mm^2.
+    density : int
+        Factor on the number of samples.
     """
 
-    def __init__(self, sites: Sites, samples: int = 256) -> None:
+    def __init__(self, sites: Sites, area: float, density: int = 1) -> None:
         self.sites = sites
         length, turn = _extents(sites)
         curved = sites.kind != SiteKind.POINT
         self.perimeter = float(length[curved].sum())
-        spacing = self.perimeter / max(samples, 1)
+        few, many = _SAMPLES_PER_SITE
+        # A query sees the samples within a step: about perimeter^3 / (area samples^2) of them.
+        crowded = np.sqrt(self.perimeter**3 / (max(area, 1e-300) * _CROWDING))
+        samples = density * max(256.0, min(max(few * len(sites), crowded), many * len(sites)))
+        spacing = self.perimeter / samples
         count = np.maximum(np.ceil(length / spacing), np.ceil(turn / 0.35))
         count = np.maximum(count, 1).astype(np.int64)
         count[~curved] = 1
@@ -50,11 +82,13 @@ class BoundarySearch:
         self.site = site
         self.parameter = sites.low[site] + (sites.high[site] - sites.low[site]) * fraction
         self.point = sites.point(site, self.parameter)
-        self.tree = cKDTree(self.point)
-        self.half_step, self.bulge = self._cover(turn / count)
+        # Points on curves: compact nodes make far queries up to 80 times slower.
+        self.tree = cKDTree(self.point, compact_nodes=False)
+        self.half, self.bulge = self._cover(turn / count)
+        self.half_step, self.most_bulge = float(self.half.max()), float(self.bulge.max())
 
-    def _cover(self, turn: FloatArray) -> tuple[float, float]:
-        """How far the boundary lies from the samples of its own site, along it and by its bend."""
+    def _cover(self, turn: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """How far each site lies from its own samples, along it and by its bend."""
         sites, site = self.sites, self.site
         start = np.flatnonzero(np.concatenate([[True], site[1:] != site[:-1]]))
         last = np.concatenate([start[1:], [len(site)]]) - 1
@@ -63,20 +97,44 @@ class BoundarySearch:
         owner = site[start]
         head = np.hypot(*(self.point[start] - sites.point(owner, sites.low[owner])).T)
         tail = np.hypot(*(self.point[last] - sites.point(owner, sites.high[owner])).T)
-        # An arc over its chord: 2 % longer at most for the turn of 0.35 rad between samples.
-        half = 1.02 * np.maximum(
+        half = np.maximum(
             np.maximum(head, tail), np.maximum.reduceat(np.append(gap, 0.0), start)
         )
-        return float(half.max()), float(np.max(half * turn[owner])) / 4
+        # An arc over its chord: 2 % longer at most for the turn of 0.35 rad between samples.
+        half *= np.where(turn[owner] > 0, 1.02, 1.0)
+        # A uniform bend moves them off the tangent by a quarter of this; spirals do not bend so.
+        return half, half * turn[owner]
 
-    def reach(self, radius: FloatArray) -> FloatArray:
-        """Distance within which a site closer than `radius` must show a sample."""
-        return np.asarray(np.hypot(radius, self.half_step) + self.bulge)
+    def _complete(
+        self, farthest: FloatArray, radius: FloatArray, slack: float, outside: bool
+    ) -> BoolArray:
+        """Whether sites none of whose samples is nearer than `farthest` stay out of `radius`.
+
+        From inside the region nearest points are feet of normals; from outside they may be convex
+        corners, whose sites fall back from there. Sites that come nearer by no more than `slack`
+        do not count: about the centre of a circle all do.
+        """
+        if outside:
+            return farthest >= radius + self.half_step + self.most_bulge
+        least = np.maximum(farthest - self.most_bulge, 0.0) ** 2 - self.half_step**2
+        return np.asarray(np.sqrt(np.maximum(least, 0.0)) >= radius - slack)
+
+    def _query(
+        self, centre: FloatArray, neighbours: int, share: float = 0.0
+    ) -> tuple[FloatArray, IntArray]:
+        """Nearest samples, or some farther by a `share` of their distance."""
+        workers = -1 if len(centre) >= _MANY else 1
+        away, index = self.tree.query(centre, k=neighbours, eps=share, workers=workers)
+        return np.asarray(away), np.asarray(index)
 
     # -- nearest ----------------------------------------------------------------------------------
 
     def nearest(
-        self, centre: FloatArray, excluded: IntArray | None = None
+        self,
+        centre: FloatArray,
+        excluded: IntArray | None = None,
+        outside: bool = False,
+        slack: float = 0.0,
     ) -> tuple[FloatArray, IntArray, FloatArray]:
         """Distance to the boundary, nearest site and its parameter, each (n,).
 
@@ -86,42 +144,81 @@ class BoundarySearch:
             In the sites' coordinates.
         excluded : (n, e) int array, optional
             Sites to leave out, row by row.
+        outside : bool
+            Whether centres may lie outside the region.
+        slack : float
+            By how much the distance may be too large where very many sites are as near, mm.
         """
+        slack += 1e-13 * self.sites.size
         count = len(centre)
         distance = np.full(count, np.inf)
         site = np.full(count, -1, dtype=np.int64)
         parameter = np.full(count, np.nan)
         active = np.arange(count)
-        neighbours = _FIRST_NEIGHBOURS
+        neighbours = _FIRST_NEIGHBOURS[count >= _MANY]
         while len(active):
-            row, target, hint, farthest = self._candidates(centre[active], neighbours)
-            if excluded is not None:
-                keep = np.all(excluded[active][row] != target[:, None], axis=1)
-                row, target, hint = row[keep], target[keep], hint[keep]
-            where, away = self.sites.project(target, centre[active][row], hint)
-            first, best = _minimum_by_row(row, away)
+            found = self._candidates(
+                centre[active],
+                np.full(len(active), np.inf),
+                neighbours,
+                None if excluded is None else excluded[active],
+                slack,
+                outside,
+            )
+            where, away = self.sites.project(found.site, centre[active][found.row], found.hint)
+            first, best = _minimum_by_row(found.row, away)
             chosen = active[first]
             distance[chosen] = away[best]
-            site[chosen] = target[best]
+            site[chosen] = found.site[best]
             parameter[chosen] = where[best]
-            open_rows = farthest < self.reach(distance[active])
-            active = active[open_rows]
+            active = active[~found.complete]
             neighbours *= 4
         return distance, site, parameter
 
     def _candidates(
-        self, centre: FloatArray, neighbours: int
-    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """Distinct (row, site) pairs among the nearest samples, hints, and how far they reach."""
+        self,
+        centre: FloatArray,
+        radius: FloatArray,
+        neighbours: int,
+        excluded: IntArray | None,
+        slack: float,
+        outside: bool = False,
+    ) -> _Candidates:
+        """Sites among the nearest samples that may come within `radius`, or else be the nearest."""
         wanted = min(neighbours, len(self.site))
-        away, index = self.tree.query(centre, k=wanted)
+        away, index = self._query(centre, wanted)
         away, index = away.reshape(len(centre), wanted), index.reshape(len(centre), wanted)
-        farthest = away[:, -1] if wanted < len(self.site) else np.full(len(centre), np.inf)
-        row = np.repeat(np.arange(len(centre)), wanted)
-        flat = index.ravel()
-        key = row * len(self.sites) + self.site[flat]
-        _, first = np.unique(key, return_index=True)
-        return row[first], self.site[flat[first]], self.parameter[flat[first]], farthest
+        owner = self.site[index]
+        allowed = np.ones(owner.shape, dtype=bool)
+        if excluded is not None:
+            for column in range(excluded.shape[1]):
+                allowed &= owner != excluded[:, column, None]
+        shown = np.where(allowed, away, np.inf).min(axis=1)
+        # A sample that the disk touches must not be lost to rounding.
+        # A disk is wanted to its whole radius: its nearest site may end before it touches.
+        limit = np.where(np.isfinite(radius), radius, shown)
+        allowance = limit * (1 + 1e-9)
+        if outside:
+            bound = allowance[:, None] + self.half[owner] + self.bulge[owner]
+        else:
+            bound = np.hypot(allowance[:, None], self.half[owner]) + self.bulge[owner]
+        allowed &= away <= bound
+        complete = self._complete(away[:, -1], limit, slack, outside)
+        if wanted == len(self.site):
+            complete = np.ones(len(centre), dtype=bool)
+        row, column = np.nonzero(allowed)
+        target = owner[row, column]
+        # The nearest sample of each site: rows are in order and so are samples within a row.
+        key = row * len(self.sites) + target
+        order = np.argsort(key, kind="stable")
+        ordered = key[order]
+        head = np.ones(len(key), dtype=bool)
+        head[1:] = ordered[1:] != ordered[:-1]
+        chosen = order[head]
+        row, column = row[chosen], column[chosen]
+        return _Candidates(
+            row, target[chosen], self.parameter[index[row, column]], np.asarray(complete)
+        )
 
     # -- maximal disks ----------------------------------------------------------------------------
 
@@ -151,78 +248,129 @@ class BoundarySearch:
             limit = np.where(curvature > 0, 1 / np.maximum(curvature, 1e-300), np.inf)
         limit = np.minimum(limit, 2 * self.sites.size)
         count = len(tangents)
-        radius = self._shrink(tangents.position, tangents.normal, limit.copy())
+        radius = self._first_radius(tangents, limit, excluded)
         partner = np.full(count, -1, dtype=np.int64)
         parameter = np.full(count, np.nan)
         best = np.full(count, np.inf)
         active = np.arange(count)
-        neighbours = np.full(count, _FIRST_NEIGHBOURS)
+        neighbours = np.full(count, _FIRST_NEIGHBOURS[count >= _MANY])
+        seen = np.zeros(0, dtype=np.int64)
+        rounding = 1e-13 * self.sites.size
+        restarted = np.zeros(count, dtype=bool)
         while len(active):
             wanted = int(neighbours[active].min())
             rows = active[neighbours[active] == wanted]
-            changed, complete = self._improve(
-                rows, wanted, tangents, excluded, radius, best, partner, parameter
-            )
-            neighbours[rows[~changed & ~complete]] *= 4
+            centre = tangents.position[rows] + radius[rows, None] * tangents.normal[rows]
+            found = self._candidates(centre, radius[rows], wanted, excluded[rows], rounding)
+            key = rows[found.row] * len(self.sites) + found.site
+            new = np.flatnonzero(~np.isin(key, seen))
+            seen = np.concatenate([seen, key[new]])
+            changed = np.zeros(len(rows), dtype=bool)
+            row, target = rows[found.row[new]], found.site[new]
+            if len(row):
+                where, rho = contact(self.sites, tangents.take(row), target, found.hint[new])
+                first, index = _minimum_by_row(row, rho)
+                better = rho[index] < best[first]
+                # A site is only worth another round when it moves the disk.
+                moved = better & (rho[index] < radius[first] * (1 - 1e-14))
+                changed = np.isin(rows, first[moved])
+                first, index = first[better], index[better]
+                best[first] = rho[index]
+                partner[first] = target[index]
+                parameter[first] = where[index]
+                radius[first] = np.minimum(radius[first], rho[index])
+            # Contacts that are not where the samples told: start over from the largest disk.
+            lost = rows[~changed & found.complete & (best[rows] > 1.001 * radius[rows])]
+            lost = lost[~restarted[lost]]
+            restarted[lost], changed[np.isin(rows, lost)] = True, True
+            radius[lost] = np.minimum(best[lost], limit[lost])
+            neighbours[rows[~changed & ~found.complete]] *= 4
             done = np.zeros(count, dtype=bool)
-            done[rows[~changed & complete]] = True
+            done[rows[~changed & found.complete]] = True
             active = active[~done[active]]
+        self._slide(tangents, excluded, best, partner, parameter)
         bounded = best > limit * (1 + 1e-11)
         partner[bounded] = -1
         osculating = best >= limit * (1 - slack)
         return Contacts(np.minimum(best, limit), partner, parameter, osculating)
 
-    def _shrink(self, position: FloatArray, normal: FloatArray, radius: FloatArray) -> FloatArray:
-        """Shrink the disks until no sample lies inside by more than a percent or so."""
+    def _slide(
+        self,
+        tangents: Tangents,
+        excluded: IntArray,
+        best: FloatArray,
+        partner: IntArray,
+        parameter: FloatArray,
+    ) -> None:
+        """Move contacts at smooth junctions to the far side where they lie beyond. In place.
+
+        Radii are flat about a contact: they do not tell on which side of a junction it lies when
+        it is near, the slope there does.
+        """
+        sites = self.sites
+        rows = np.flatnonzero(partner >= 0)
+        for _ in range(4):
+            site = partner[rows]
+            low, high = parameter[rows] <= sites.low[site], parameter[rows] >= sites.high[site]
+            target = np.where(low, sites.preceding[site], sites.following[site])
+            corner = np.where(low, sites.corner_after[target], sites.corner_after[site])
+            point = (sites.kind[target] == SiteKind.POINT) | (sites.kind[site] == SiteKind.POINT)
+            moves = (low | high) & ~corner & ~point
+            moves &= np.all(excluded[rows] != target[:, None], axis=1)
+            rows, target, low = rows[moves], target[moves], low[moves]
+            if not len(rows):
+                break
+            end = np.where(low, sites.high[target], sites.low[target])
+            where, rho = contact(sites, tangents.take(rows), target, end)
+            beyond = (rho <= best[rows] * (1 + 1e-10)) & (where != end)
+            rows = rows[beyond]
+            best[rows], partner[rows] = rho[beyond], target[beyond]
+            parameter[rows] = where[beyond]
+
+    def _first_radius(
+        self, tangents: Tangents, limit: FloatArray, excluded: IntArray
+    ) -> FloatArray:
+        """Radii of disks that hold no sample, but for a percent or so.
+
+        Of many points every 16th comes first; what it touches bounds the disks beside it.
+        """
+        position, normal = tangents.position, tangents.normal
+        radius = limit.copy()
+        count = len(radius)
+        if count >= _MANY:
+            coarse = np.arange(0, count, _STRIDE)
+            part, touched = self._shrink(position[coarse], normal[coarse], radius[coarse])
+            radius[coarse] = part
+            group = np.arange(count) // _STRIDE
+            for follower in (group, np.minimum(group + 1, len(coarse) - 1)):
+                sample = touched[follower]
+                rho = disk_through(self.point[sample] - position, normal)
+                # Samples of a point's own sites tell nothing.
+                known = (sample >= 0) & np.all(excluded != self.site[sample, None], axis=1)
+                radius = np.where(known, np.minimum(radius, rho), radius)
+        return self._shrink(position, normal, radius)[0]
+
+    def _shrink(
+        self, position: FloatArray, normal: FloatArray, radius: FloatArray
+    ) -> tuple[FloatArray, IntArray]:
+        """Shrink the disks to touch samples; and the sample that each touches, or -1."""
+        radius = radius.copy()
+        touched = np.full(len(radius), -1, dtype=np.int64)
         active = np.arange(len(position))
         for _ in range(40):
             if not len(active):
                 break
             centre = position[active] + radius[active, None] * normal[active]
-            away, index = self.tree.query(centre)
+            away, index = self._query(centre, 1, 1e-2)
             inside = away < radius[active] * (1 - 1e-7)
             active, index = active[inside], index[inside]
             rho = disk_through(self.point[index] - position[active], normal[active])
             shrunk = rho < radius[active]
-            active, rho = active[shrunk], rho[shrunk]
+            active, rho, index = active[shrunk], rho[shrunk], index[shrunk]
             slow = rho > 0.99 * radius[active]
-            radius[active] = rho
+            radius[active], touched[active] = rho, index
             active = active[~slow]
-        return radius
-
-    def _improve(
-        self,
-        rows: IntArray,
-        wanted: int,
-        tangents: Tangents,
-        excluded: IntArray,
-        radius: FloatArray,
-        best: FloatArray,
-        partner: IntArray,
-        parameter: FloatArray,
-    ) -> tuple[BoolArray, BoolArray]:
-        """One exact round: contacts with the sites near each disk. Arrays are updated in place."""
-        centre = tangents.position[rows] + radius[rows, None] * tangents.normal[rows]
-        row, target, hint, farthest = self._candidates(centre, wanted)
-        keep = np.all(excluded[rows][row] != target[:, None], axis=1)
-        row, target, hint = row[keep], target[keep], hint[keep]
-        complete = farthest >= self.reach(radius[rows])
-        changed = np.zeros(len(rows), dtype=bool)
-        if not len(row):
-            return changed, complete
-        where, rho = contact(self.sites, tangents.take(rows[row]), target, hint)
-        first, index = _minimum_by_row(row, rho)
-        chosen = rows[first]
-        better = rho[index] < best[chosen]
-        # A site is only worth another round when it moves the disk.
-        moved = rho[index] < radius[chosen] * (1 - 1e-14)
-        changed[first] = moved & better
-        chosen, index = chosen[better], index[better]
-        best[chosen] = rho[index]
-        partner[chosen] = target[index]
-        parameter[chosen] = where[index]
-        radius[chosen] = np.minimum(radius[chosen], rho[index])
-        return changed, complete
+        return radius, touched
 
 
 def _minimum_by_row(row: IntArray, value: FloatArray) -> tuple[IntArray, IntArray]:

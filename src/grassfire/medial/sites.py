@@ -228,6 +228,8 @@ def evaluate_rational(
     """
     local = (parameter - 0.5)[:, None]
     degree = coefficients.shape[1] - 1
+    if not coefficients[:, 1:, 2].any():
+        return _polynomial(coefficients[:, :, :2] / coefficients[:, :1, 2:], local, order)
     values = [np.zeros((len(parameter), 3)) for _ in range(order + 1)]
     for power in range(degree, -1, -1):
         for index in range(order, 0, -1):
@@ -253,6 +255,22 @@ def evaluate_rational(
             / weight
         )
     return result
+
+
+def _polynomial(coefficients: FloatArray, local: FloatArray, order: int) -> list[FloatArray]:
+    """Horner's rule for value and derivatives, (n, degree + 1, 2) coefficients."""
+    degree = coefficients.shape[1] - 1
+    values = [coefficients[:, degree]]
+    for power in range(degree - 1, -1, -1):
+        step = degree - power
+        if step <= order:
+            values.append(step * values[-1])
+        for index in range(min(order, step - 1), 0, -1):
+            values[index] = values[index] * local + index * values[index - 1]
+        values[0] = values[0] * local + coefficients[:, power]
+    while len(values) <= order:
+        values.append(np.zeros_like(values[0]))
+    return values
 
 
 def disk_through(chord: FloatArray, normal: FloatArray) -> FloatArray:

@@ -17,6 +17,13 @@ from grassfire.errors import GeometryError
 from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.search import BoundarySearch, Contacts
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
+from grassfire.medial.triple import TripleDisks, common_disk, triple_disks
+
+_CROWD = 64
+"""Neighbouring sites beyond which a disk common to all is tried first."""
+
+_PATIENCE = 20
+"""Rounds after which crossings are bracketed that Newton's method does not settle."""
 
 WHOLE = -2
 """Partner of a contact arc: the arc itself, its disk being centred at the arc's centre."""
@@ -58,7 +65,10 @@ class Nodes:
 
 @dataclass(frozen=True)
 class Intervals:
-    """Maximal stretches of a site that face one partner, in boundary order."""
+    """Maximal stretches of a site that face one partner, in boundary order.
+
+    `group` numbers the nodes: those of a number are one boundary point.
+    """
 
     site: IntArray
     start: FloatArray
@@ -68,6 +78,7 @@ class Intervals:
     last: IntArray
     first_node: IntArray
     last_node: IntArray
+    group: IntArray
 
 
 class Topology:
@@ -81,10 +92,17 @@ class Topology:
         Length below which two boundary points are one, mm.
     smooth_angle : float
         As given to `build_sites`, radians.
+    density : int
+        Number of nodes inside each curved site to begin with; one less on the others.
     """
 
     def __init__(
-        self, sites: Sites, search: BoundarySearch, snap: float, smooth_angle: float
+        self,
+        sites: Sites,
+        search: BoundarySearch,
+        snap: float,
+        smooth_angle: float,
+        density: int = 1,
     ) -> None:
         self.sites = sites
         # A neighbour at a turn too flat for a corner cuts the disk of an arc by turn^2 / 2.
@@ -94,7 +112,7 @@ class Topology:
         self.vertex_count = 0
         self.contact_arc = self._contact_arcs()
         self.nodes = self._boundary_events()
-        self.nodes = Nodes.join(self.nodes, self._samples())
+        self.nodes = Nodes.join(self.nodes, self._samples(density))
 
     # -- first nodes ------------------------------------------------------------------------------
 
@@ -234,11 +252,17 @@ class Topology:
         centre: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """The disk of a junction as one of its sides sees it: they differ where it has a kink."""
-        _, own = contact(self.sites, tangents, np.maximum(partner, 0), hint)
-        use = (partner >= 0) & np.isfinite(own) & (np.abs(own - radius) <= 1e-3 * radius)
-        own = np.where(use, own, radius)
-        moved = tangents.position + own[:, None] * tangents.normal
-        return np.where(use[:, None], moved, centre), own
+        toward = tangents.position + radius[:, None] * tangents.normal - centre
+        kinked = np.abs(toward).max(axis=1, initial=0.0) > 1e-14 * self.sites.size
+        rows = np.flatnonzero(kinked & (partner >= 0))
+        centre, radius = centre.copy(), radius.copy()
+        if len(rows):
+            _, own = contact(self.sites, tangents.take(rows), partner[rows], hint[rows])
+            use = np.isfinite(own) & (np.abs(own - radius[rows]) <= 1e-3 * radius[rows])
+            rows, own = rows[use], own[use]
+            radius[rows] = own
+            centre[rows] = tangents.position[rows] + own[:, None] * tangents.normal[rows]
+        return centre, radius
 
     def _beyond(self, site: IntArray, step: IntArray) -> IntArray:
         """First site from `site` on that is no contact arc."""
@@ -282,10 +306,19 @@ class Topology:
         before = np.where(high_ok, sites.following[safe], before)
         return after, before
 
-    def _samples(self) -> Nodes:
-        search = self.search
-        keep = ~self.contact_arc[search.site]
-        return self.plain_nodes(search.site[keep], search.parameter[keep])
+    def _samples(self, density: int) -> Nodes:
+        """Nodes inside the sites: curved ones show what their ends do not."""
+        sites = self.sites
+        count = np.full(len(sites), density - 1)
+        curved = (sites.kind == SiteKind.SPIRAL) | (sites.kind == SiteKind.ARC)
+        count[curved] = density
+        count[self.contact_arc] = 0
+        site = np.repeat(np.arange(len(sites)), count)
+        index = np.arange(len(site)) - np.repeat(np.cumsum(count) - count, count)
+        fraction = (index + 0.5) / count[site]
+        return self.plain_nodes(
+            site, sites.low[site] + (sites.high[site] - sites.low[site]) * fraction
+        )
 
     def plain_nodes(self, site: IntArray, parameter: FloatArray, junctions: bool = False) -> Nodes:
         """Nodes at boundary points, with their images on the partners.
@@ -316,59 +349,74 @@ class Topology:
 
     # -- refinement -------------------------------------------------------------------------------
 
-    def resolve(self, rounds: int = 60) -> None:
-        """Solve all changes of partner between neighbouring nodes, until none is left open."""
-        for _ in range(rounds):
-            self._sort()
-            rows = self._open()
-            if not len(rows):
-                return
-            self._solve(rows)
-        self._sort()
-        rows = self._open()
-        if not len(rows):
-            return
-        place = self.nodes.centre[rows[0]] + self.sites.origin
-        raise GeometryError("the contacts of the boundary do not settle", place=tuple(place))
+    def resolve(self, rounds: int = 80) -> None:
+        """Solve all changes of partner between neighbouring nodes, until none is left open.
 
-    def _sort(self) -> None:
+        Only sites that got nodes in a round are looked at in the next.
+        """
+        dirty = np.ones(len(self.sites), dtype=bool)
+        for turn in range(rounds):
+            mine = dirty[self.nodes.site]
+            part = self._sorted(self.nodes.take(mine))
+            rows = self._open(part)
+            if not len(rows):
+                break
+            added = Nodes.join(*self._solve(part, rows, turn < _PATIENCE))
+            self.nodes = Nodes.join(self.nodes, added)
+            dirty = np.zeros(len(self.sites), dtype=bool)
+            dirty[added.site] = True
+        else:
+            place = added.centre[0] + self.sites.origin
+            raise GeometryError("the contacts of the boundary do not settle", place=tuple(place))
+        self.nodes = self._sorted(self.nodes)
+
+    def _sorted(self, nodes: Nodes) -> Nodes:
         """Order by site and parameter; own ends of a site come outermost among equals."""
-        nodes = self.nodes
         at_low = nodes.parameter <= self.sites.low[nodes.site]
         outermost = np.where(nodes.own, np.where(at_low, -1, 1), 0)
-        self.nodes = nodes.take(np.lexsort((outermost, nodes.parameter, nodes.site)))
+        return nodes.take(np.lexsort((outermost, nodes.parameter, nodes.site)))
 
-    def _open(self) -> IntArray:
-        """Rows whose right partner differs from the left partner of the next row of the site.
+    def _gaps(self, nodes: Nodes) -> tuple[IntArray, IntArray]:
+        """Stretches between groups of nodes that are one point: row before each, and its partner.
 
-        Where the two rows are one point, the change of partner is an event right there.
+        The nodes of a group stand in an order that rounding made: a stretch faces what some node
+        before it says to come and some node after it says to have been; -1 where there is none.
         """
-        nodes = self.nodes
+        speed = self.sites.speed(nodes.site[:-1], nodes.parameter[:-1], nodes.radius[:-1])
+        gap = np.diff(nodes.parameter) * speed
+        wide = gap > self.snap
+        # Contacts beside a curvature maximum are known to few digits, their disks to all.
+        moved = np.abs(np.diff(nodes.centre, axis=0)).max(axis=1, initial=0.0)
+        moved = np.maximum(moved, np.abs(np.diff(nodes.radius)))
+        wide &= (moved > self.snap) | (gap > 100 * self.snap)
         same = nodes.site[1:] == nodes.site[:-1]
-        differ = nodes.right[:-1] != nodes.left[1:]
-        rows = np.flatnonzero(same & differ)
-        gap = nodes.parameter[rows + 1] - nodes.parameter[rows]
-        speed = self.sites.speed(nodes.site[rows], nodes.parameter[rows], nodes.radius[rows])
-        wide = gap * speed > self.snap
-        close = rows[~wide]
-        if len(close):
-            event = nodes.take(close)
-            event = replace(
-                event,
-                own=np.zeros(len(close), dtype=bool),
-                left=nodes.right[close],
-                right=nodes.left[close + 1],
-                vertex=self._new_vertices(len(close)),
+        rows = np.flatnonzero(same & wide)
+        group = np.concatenate([[0], np.cumsum(~same | wide)])
+        label = np.where(nodes.right[rows] == nodes.left[rows + 1], nodes.right[rows], -1)
+        poor = np.flatnonzero((label == -1) & (nodes.right[rows] >= 0))
+        if len(poor):
+            number = np.full(int(group[-1]) + 2, -1, dtype=np.int64)
+            number[group[rows[poor]]] = poor
+            before = number[group]
+            number[:] = -1
+            number[group[rows[poor] + 1]] = poor
+            after = number[group]
+            count = len(self.sites) + 3
+            left = np.flatnonzero((before >= 0) & (nodes.right >= 0))
+            right = np.flatnonzero((after >= 0) & (nodes.left >= 0))
+            common = np.intersect1d(
+                before[left] * count + nodes.right[left], after[right] * count + nodes.left[right]
             )
-            order = np.argsort(np.concatenate([np.arange(len(nodes)), close + 0.5]), kind="stable")
-            self.nodes = Nodes.join(nodes, event).take(order)
-            # Rows move up by the events that were put in before them.
-            rows = rows[wide] + np.searchsorted(close, rows[wide])
-            return rows
-        return rows[wide]
+            label[common // count] = common % count
+        return rows, label
 
-    def _solve(self, rows: IntArray) -> None:
-        nodes = self.nodes
+    def _open(self, nodes: Nodes) -> IntArray:
+        """Rows after which the partner changes without an event."""
+        rows, label = self._gaps(nodes)
+        return rows[label == -1]
+
+    def _solve(self, nodes: Nodes, rows: IntArray, patient: bool) -> list[Nodes]:
+        """Events between nodes that disagree, or nodes on the sites that came to light there."""
         site = nodes.site[rows]
         one, other = nodes.right[rows], nodes.left[rows + 1]
         # A contact arc's disk is no rival of others: its neighbours' labels are exact.
@@ -377,30 +425,167 @@ class Topology:
             bad = rows[~usable][0]
             place = nodes.centre[bad] + self.sites.origin
             raise GeometryError("a contact arc is interrupted", place=tuple(place))
-        parameter, radius, facing = self._crossing(rows, one, other)
+        slack = self.snap * 0.1 + 1e-13 * self.sites.size
+        disks = self._triples(nodes, rows, one, other, slack)
+        empty = self._empty(disks, slack)
+        parts: list[Nodes] = []
+        known = np.flatnonzero(disks.good & empty)
+        if len(known):
+            triple = np.stack([site, one, other], axis=1)[known]
+            parts.append(self._branch_nodes(triple, disks, known))
+        # Another site reaches in, or takes over where a contact leaves its own: look there.
+        crowded = np.flatnonzero(disks.settled & ~(disks.good & empty) & patient)
+        if len(crowded):
+            where = disks.parameter[crowded, 0]
+            parts.append(self.plain_nodes(site[crowded], where, junctions=True))
+        hard = np.flatnonzero(~disks.settled | (~(disks.good & empty) & ~patient))
+        if len(hard):
+            parts.extend(self._bracketed(nodes, rows[hard], one[hard], other[hard]))
+        return parts
+
+    def _triples(
+        self, nodes: Nodes, rows: IntArray, one: IntArray, other: IntArray, slack: float
+    ) -> TripleDisks:
+        """Disks tangent to a site and both its partners, between two nodes."""
+        site = nodes.site[rows]
+        left, right = nodes.parameter[rows], nodes.parameter[rows + 1]
+        triple = np.stack([site, one, other], axis=1)
+        facing = np.stack([nodes.facing[rows], nodes.facing[rows + 1]], axis=1)
+        middle = 0.5 * (self.sites.low + self.sites.high)
+        facing = np.where(np.isnan(facing), middle[triple[:, 1:]], facing)
+        parameter = np.concatenate([0.5 * (left + right)[:, None], facing], axis=1)
+        centre = 0.5 * (nodes.centre[rows] + nodes.centre[rows + 1])
+        radius = 0.5 * (nodes.radius[rows] + nodes.radius[rows + 1])
+        disks = self._rounds(triple, slack)
+        rest = np.flatnonzero(~disks.good)
+        if len(rest):
+            found = triple_disks(
+                self.sites, triple[rest], centre[rest], radius[rest], parameter[rest]
+            )
+            disks.put(rest, found)
+        mine = disks.parameter[:, 0]
+        # Two sites that meet smoothly and a third are too close to singular for Newton's method.
+        near = (self.sites.following[site] == one) | (self.sites.following[site] == other)
+        near |= (self.sites.preceding[site] == one) | (self.sites.preceding[site] == other)
+        near |= (self.sites.following[one] == other) | (self.sites.preceding[one] == other)
+        curved = self.sites.kind[triple] == SiteKind.SPIRAL
+        doubtful = near & (curved.sum(axis=1) >= 2) & (np.abs(disks.determinant) < 1e-4)
+        doubtful |= (site == one) | (site == other) | (one == other)
+        inside = (mine > left) & (mine < right) & ~doubtful
+        return replace(disks, good=disks.good & inside, settled=disks.settled & inside)
+
+    def _empty(self, disks: TripleDisks, slack: float) -> BoolArray:
+        """Whether no other site reaches into the disks; equal disks are looked at once."""
+        result = np.zeros(len(disks.good), dtype=bool)
+        rows = np.flatnonzero(disks.good)
+        if not len(rows):
+            return result
+        group = _same_cell(disks.centre[rows], 1e-10 * self.sites.size)
+        _, first, members = np.unique(group, return_index=True, return_counts=True)
+        away, _, _ = self.search.nearest(disks.centre[rows[first]])
+        away[members > 1] += 1e-10 * self.sites.size
+        result[rows] = disks.radius[rows] <= away[group] + slack
+        return result
+
+    def _rounds(self, triple: IntArray, slack: float) -> TripleDisks:
+        """Disks common to long runs of sites, each of which meets its neighbours.
+
+        About the centre of a regular polygon of very many sides every three neighbours have a disk
+        of their own, good to few digits or none; the disk that fits all sides by least squares is
+        good to all, and is taken where it touches the three.
+        """
+        sites = self.sites
+        count = len(triple)
+        centre, radius = np.zeros((count, 2)), np.zeros(count)
+        parameter, good = np.full((count, 3), np.nan), np.zeros(count, dtype=bool)
+        mine, one, other = triple.T
+        beside = (sites.preceding[mine] == one) & (sites.following[mine] == other)
+        beside &= np.all(sites.kind[triple] == SiteKind.LINE, axis=1)
+        rows = np.flatnonzero(beside)
+        run = np.concatenate([[0], np.cumsum(sites.following[mine[rows[:-1]]] != mine[rows[1:]])])
+        length = np.bincount(run[: len(rows)]) if len(rows) else np.zeros(0, dtype=np.int64)
+        for number in np.flatnonzero(length > _CROWD):
+            members = rows[run == number]
+            fit = common_disk(sites, triple[members], slack)
+            if fit is None:
+                continue
+            touching = np.abs(fit.residual).max(axis=1) <= slack
+            chosen = members[touching]
+            centre[chosen], radius[chosen] = fit.centre, fit.radius
+            parameter[chosen], good[chosen] = fit.parameter[touching], True
+        return TripleDisks(centre, radius, parameter, good.copy(), good, np.ones(count))
+
+    def _branch_nodes(self, triple: IntArray, disks: TripleDisks, rows: IntArray) -> Nodes:
+        """Events of branch points on all three of their sites, each branch point once."""
+        centre, radius, parameter = (
+            disks.centre[rows], disks.radius[rows], disks.parameter[rows],
+        )  # fmt: skip
+        order = np.lexsort((*centre.T, *np.sort(triple, axis=1).T))
+        ranked = np.sort(triple, axis=1)[order]
+        step = np.any(ranked[1:] != ranked[:-1], axis=1)
+        away = np.abs(np.diff(centre[order], axis=0)).max(axis=1, initial=0.0)
+        head = np.concatenate([[True], step | (away > 1e-8 * self.sites.size)])
+        chosen = order[head]
+        triple, parameter = triple[chosen], parameter[chosen]
+        centre, radius = centre[chosen], radius[chosen]
+        vertex = self._new_vertices(len(chosen))
+        parts = []
+        # Along its site each contact passes from one of the other two to the other.
+        for mine, left, right in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            node = Nodes(
+                triple[:, mine], parameter[:, mine], radius, triple[:, left], triple[:, right],
+                parameter[:, left], vertex, centre, np.zeros(len(chosen), dtype=bool),
+            )  # fmt: skip
+            parts.append(node)
+        own, *images = parts
+        joined = Nodes.join(*images)
+        return Nodes.join(own, joined.take(self._inside(joined)))
+
+    def _inside(self, nodes: Nodes) -> BoolArray:
+        """Whether nodes lie on their sites, farther from the ends than the snap length."""
+        sites = self.sites
+        speed = np.maximum(sites.speed(nodes.site, nodes.parameter, nodes.radius), 1e-300)
+        low = (nodes.parameter - sites.low[nodes.site]) * speed > self.snap
+        high = (sites.high[nodes.site] - nodes.parameter) * speed > self.snap
+        return low & high & ~self.contact_arc[nodes.site]
+
+    def _bracketed(
+        self, nodes: Nodes, rows: IntArray, one: IntArray, other: IntArray
+    ) -> list[Nodes]:
+        """The same by bracketing, where Newton's method found no disk."""
+        site = nodes.site[rows]
+        parameter, radius, facing = self._crossing(nodes, rows, one, other)
         position, normal, contacts = self._disks(site, parameter)
         slack = self.snap * 0.1 + 1e-13 * self.sites.size
         known = contacts.partner >= 0
         third = known & (contacts.radius < radius - slack)
         third &= (contacts.partner != one) & (contacts.partner != other)
-        branch = ~third
+        # Where neither partner is in reach, or the disk can grow, nothing crosses.
+        third |= known & ~(contacts.radius <= radius * (1 + 1e-6))
+        radius = np.where(np.isnan(radius), contacts.radius, radius)
         centre = position + radius[:, None] * normal
+        # At a node itself there is nothing between: what differs is rounding.
+        speed = self.sites.speed(site, parameter, radius)
+        for node in (rows, rows + 1):
+            at_node = np.abs(parameter - nodes.parameter[node]) * speed <= self.snap
+            third &= ~at_node
+            parameter = np.where(at_node, nodes.parameter[node], parameter)
+            radius = np.where(at_node, nodes.radius[node], radius)
+            centre = np.where(at_node[:, None], nodes.centre[node], centre)
+        branch = ~third
         vertex = np.full(len(rows), -1, dtype=np.int64)
         vertex[branch] = self._new_vertices(int(branch.sum()))
         inner = np.zeros(len(rows), dtype=bool)
-        events = Nodes(site, parameter, radius, one, other, facing, vertex, centre, inner).take(
-            branch
-        )
-        parts = [nodes, events]
+        events = Nodes(site, parameter, radius, one, other, facing, vertex, centre, inner)
+        parts = [events.take(branch)]
         if third.any():
             parts.append(self.plain_nodes(site[third], parameter[third], junctions=True))
-        self.nodes = Nodes.join(*parts)
+        return parts
 
     def _crossing(
-        self, rows: IntArray, one: IntArray, other: IntArray
+        self, nodes: Nodes, rows: IntArray, one: IntArray, other: IntArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Where the disks to two partners have equal radii between two nodes (Illinois method)."""
-        nodes = self.nodes
         site = nodes.site[rows]
         left, right = nodes.parameter[rows].copy(), nodes.parameter[rows + 1].copy()
         hint_one, hint_other = nodes.facing[rows].copy(), nodes.facing[rows + 1].copy()
@@ -445,9 +630,11 @@ class Topology:
             active = active[~done]
             if not len(active):
                 break
-        # Equal radii are not met where a partner vanishes: fall back to the finite one.
-        bad = ~np.isfinite(radius)
-        radius[bad] = np.minimum(nodes.radius[rows], nodes.radius[rows + 1])[bad]
+        # Equal radii are not met where both partners vanish: the middle tells most.
+        lost = ~np.isfinite(radius)
+        start, end = nodes.parameter[rows], nodes.parameter[rows + 1]
+        middle[lost] = 0.5 * (start + end)[lost]
+        radius[lost] = np.nan
         return middle, radius, facing
 
     def _difference(
@@ -483,19 +670,57 @@ class Topology:
     # -- intervals --------------------------------------------------------------------------------
 
     def intervals(self) -> Intervals:
-        """Stretches between events; plain nodes have served."""
+        """Stretches between events; plain nodes have served.
+
+        Raises
+        ------
+        GeometryError
+            Where the partner of a stretch is not settled.
+        """
         nodes = self.nodes
-        events = np.flatnonzero(nodes.vertex >= 0)
-        site = nodes.site[events]
-        pair = np.flatnonzero(site[1:] == site[:-1])
-        first, last = events[pair], events[pair + 1]
+        rows, label = self._gaps(nodes)
+        # Group k of a site ends at row `rows` of its stretch or at the end of the site.
+        last = np.ones(len(nodes), dtype=bool)
+        last[:-1] = nodes.site[1:] != nodes.site[:-1]
+        last[rows] = True
+        group = np.concatenate([[0], np.cumsum(last[:-1])])
+        event = np.zeros(int(group[-1]) + 1, dtype=bool)
+        event[group[nodes.vertex >= 0]] = True
+        before, after = group[rows], group[rows] + 1
+        facing = np.full(len(event), -3, dtype=np.int64)
+        facing[after] = label
+        # Two plain nodes at one point that see different sites are an event.
+        silent = before[(facing[before] != label) & ~event[before]]
+        if len(silent):
+            vertex = nodes.vertex.copy()
+            vertex[np.searchsorted(group, silent)] = self._new_vertices(len(silent))
+            nodes = self.nodes = replace(nodes, vertex=vertex)
+            event[silent] = True
+        holder = np.full(len(event), -1, dtype=np.int64)
+        known = np.flatnonzero(nodes.vertex >= 0)
+        holder[group[known[::-1]]] = known[::-1]
+        # From every event group to the next one of its site.
+        start = np.flatnonzero(event[before])
+        stop = np.flatnonzero(event[after])
+        first, last_node = holder[before[start]], holder[after[stop]]
         return Intervals(
             site=nodes.site[first],
             start=nodes.parameter[first],
-            end=nodes.parameter[last],
-            partner=nodes.right[first],
+            end=nodes.parameter[last_node],
+            partner=label[start],
             first=nodes.vertex[first],
-            last=nodes.vertex[last],
+            last=nodes.vertex[last_node],
             first_node=first,
-            last_node=last,
+            last_node=last_node,
+            group=group,
         )
+
+
+def _same_cell(points: FloatArray, length: float) -> IntArray:
+    """Number of the cell of a grid that each point lies in."""
+    cell = np.round(points / length)
+    order = np.lexsort(cell.T)
+    step = np.any(np.diff(cell[order], axis=0) != 0, axis=1)
+    result = np.zeros(len(points), dtype=np.int64)
+    result[order] = np.concatenate([[0], np.cumsum(step)])
+    return result

@@ -1,0 +1,236 @@
+"""Lines and circles fitted together, tangent to their neighbours and through given points.
+
+Gauss-Newton steps on the distances of the vertices, under equality constraints:
+
+    minimise |r + J d|^2  subject to  g + G d = 0,      [J'J  G'] [d]   [-J'r]
+                                                         [G    0 ] [l] = [-g  ]
+
+A line is (angle, offset), a circle (x, y, signed radius), positive for left turns. With f the
+distance to the left of either, tangency of a line and a circle is f_line(centre) = radius, of two
+circles |c1 - c2| = |radius1 - radius2|: both run the same way through the point they share.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from grassfire.geometry.curve import FloatArray
+from grassfire.geometry.runs import off_circle, off_line
+
+STEPS = 25
+DENSE = 150
+"""Unknowns up to which full matrices are faster than sparse ones."""
+DAMPING = 1e-12
+"""Share of the largest entry of J'J added to its diagonal."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A line (2 numbers) or a circle (3 numbers); see the module."""
+
+    parameters: FloatArray
+
+    @property
+    def circular(self) -> bool:
+        """Whether this is a circle."""
+        return len(self.parameters) == 3
+
+    def off(self, points: FloatArray) -> FloatArray:
+        """Return signed distances (m,) in mm to the left of the shape."""
+        off = off_circle if self.circular else off_line
+        return off(self.parameters, points)
+
+    def normal(self, points: FloatArray) -> FloatArray:
+        """Return the unit left normals (m, 2) at the feet of points."""
+        if self.circular:
+            spoke = points - self.parameters[:2]
+            reach = np.maximum(np.hypot(*spoke.T), 1e-300)
+            return np.asarray(-np.sign(self.parameters[2]) * spoke / reach[:, None])
+        angle = self.parameters[0]
+        return np.broadcast_to([-np.sin(angle), np.cos(angle)], points.shape)
+
+    def foot(self, point: FloatArray) -> FloatArray:
+        """Return the nearest point (2,) of the unbounded shape."""
+        rows = point[None]
+        return np.asarray((rows - self.off(rows)[:, None] * self.normal(rows))[0])
+
+    def tangent(self, point: FloatArray) -> FloatArray:
+        """Return the unit tangent (2,) at the foot of a point."""
+        normal = self.normal(point[None])[0]
+        return np.array([normal[1], -normal[0]])
+
+    def slope(self, points: FloatArray) -> FloatArray:
+        """Return the derivatives (m, 2 or 3) of the distances by the parameters."""
+        minus = -np.ones(len(points))
+        if self.circular:
+            return np.column_stack([-self.normal(points), -minus])
+        angle = self.parameters[0]
+        return np.column_stack([-points @ np.array([np.cos(angle), np.sin(angle)]), minus])
+
+    def moved(self, shift: FloatArray) -> Shape:
+        """Return the shape translated."""
+        if self.circular:
+            return Shape(self.parameters + np.append(shift, 0.0))
+        angle = self.parameters[0]
+        offset = float(np.array([-np.sin(angle), np.cos(angle)]) @ shift)
+        return Shape(self.parameters + np.array([0.0, offset]))
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Constraints: values, and the entries of their derivatives."""
+
+    value: list[float]
+    row: list[NDArray[np.int64]]
+    column: list[NDArray[np.int64]]
+    entry: list[FloatArray]
+
+    def add(self, value: float, parts: list[tuple[int, FloatArray]]) -> None:
+        for start, entry in parts:
+            self.row.append(np.full(len(entry), len(self.value)))
+            self.column.append(start + np.arange(len(entry)))
+            self.entry.append(entry)
+        self.value.append(value)
+
+
+def fit_together(
+    shapes: list[Shape],
+    data: list[FloatArray],
+    tangent: list[tuple[int, int]],
+    anchors: list[tuple[int, FloatArray]],
+) -> list[Shape] | None:
+    """Return the shapes nearest to their data under the constraints; None where there are none.
+
+    Parameters
+    ----------
+    shapes : list of Shape
+        Where to start.
+    data : list of (m, 2) array
+        Vertices of each shape.
+    tangent : list of pair of int
+        Shapes that touch, running the same way.
+    anchors : list of (int, (2,) array)
+        Points that a shape passes through.
+    """
+    middle = np.concatenate(data).mean(axis=0)
+    local = [shape.moved(-middle) for shape in shapes]
+    rows = [points - middle for points in data]
+    fixed = [(place, point - middle) for place, point in anchors]
+    starts = np.concatenate([[0], np.cumsum([len(shape.parameters) for shape in local])])
+    size = max(float(np.abs(np.concatenate(rows)).max()), 1e-300)
+    for _ in range(STEPS):
+        constraints = _constraints(local, starts, tangent, fixed)
+        if constraints is None:
+            return None
+        step = _step(local, starts, rows, constraints, size)
+        if step is None:
+            return None
+        local = [
+            Shape(shape.parameters + step[starts[place] : starts[place + 1]])
+            for place, shape in enumerate(local)
+        ]
+        if not all(np.all(np.isfinite(shape.parameters)) for shape in local):
+            return None
+        if float(np.abs(step).max()) <= 1e-12 * size:
+            break
+    final = _constraints(local, starts, tangent, fixed)
+    if final is None or any(abs(value) > 1e-10 * size for value in final.value):
+        return None
+    return [shape.moved(middle) for shape in local]
+
+
+def _constraints(
+    shapes: list[Shape],
+    starts: NDArray[np.int64],
+    tangent: list[tuple[int, int]],
+    anchors: list[tuple[int, FloatArray]],
+) -> _Rows | None:
+    """Return the constraints, None where two touching circles have one centre."""
+    rows = _Rows([], [], [], [])
+    for first, second in tangent:
+        one, two = shapes[first], shapes[second]
+        if one.circular and two.circular:
+            apart = one.parameters[:2] - two.parameters[:2]
+            reach, change = float(np.hypot(*apart)), one.parameters[2] - two.parameters[2]
+            if reach == 0.0 or change == 0.0:
+                return None
+            slope = np.append(apart / reach, -np.sign(change))
+            parts = [(int(starts[first]), slope), (int(starts[second]), -slope)]
+            rows.add(reach - abs(float(change)), parts)
+            continue
+        line, circle = (second, first) if one.circular else (first, second)
+        centre = shapes[circle].parameters[None, :2]
+        value = float(shapes[line].off(centre)[0] - shapes[circle].parameters[2])
+        slope = np.append(shapes[line].normal(centre)[0], -1.0)
+        by_line = shapes[line].slope(centre)[0]
+        rows.add(value, [(int(starts[line]), by_line), (int(starts[circle]), slope)])
+    for place, point in anchors:
+        value = float(shapes[place].off(point[None])[0])
+        rows.add(value, [(int(starts[place]), shapes[place].slope(point[None])[0])])
+    return rows
+
+
+def _step(
+    shapes: list[Shape],
+    starts: NDArray[np.int64],
+    data: list[FloatArray],
+    constraints: _Rows,
+    size: float,
+) -> FloatArray | None:
+    """Return the Gauss-Newton step of all parameters, lengths in mm, None where undetermined."""
+    total, count = int(starts[-1]), len(constraints.value)
+    blocks, right = [], np.zeros(total + count)
+    for place, (shape, points) in enumerate(zip(shapes, data, strict=True)):
+        slope = shape.slope(points)
+        blocks.append(slope.T @ slope)
+        right[starts[place] : starts[place + 1]] = -slope.T @ shape.off(points)
+    right[total:] = -np.array(constraints.value)
+    square = sparse.block_diag(blocks)
+    square = square + DAMPING * float(np.abs(square.diagonal()).max()) * sparse.eye(total)
+    bound = sparse.coo_matrix((count, total))
+    if count:
+        where = (np.concatenate(constraints.row), np.concatenate(constraints.column))
+        bound = sparse.coo_matrix((np.concatenate(constraints.entry), where), (count, total))
+    # Two constraints that say the same would be singular: a trace of regularity.
+    corner = -1e-14 * sparse.eye(count) if count else None
+    system = sparse.bmat([[square, bound.T], [bound, corner]]) if count else square
+    try:
+        if len(right) <= DENSE:
+            step = np.linalg.solve(system.toarray(), right)[:total]
+        else:
+            step = splu(sparse.csc_matrix(system)).solve(right)[:total]
+    except (RuntimeError, np.linalg.LinAlgError):
+        return None
+    return step if np.abs(step).max() < 1e3 * max(size, 1.0) else None
+
+
+def touching_point(first: Shape, second: Shape) -> FloatArray:
+    """Return the point (2,) that two tangent shapes share."""
+    if first.circular and second.circular:
+        apart = first.parameters[:2] - second.parameters[:2]
+        normal = apart / (first.parameters[2] - second.parameters[2])
+        normal /= np.hypot(*normal)
+        return np.asarray(first.parameters[:2] - first.parameters[2] * normal)
+    line, circle = (second, first) if first.circular else (first, second)
+    return line.foot(circle.parameters[:2])
+
+
+def crossing_point(first: Shape, second: Shape, near: FloatArray) -> FloatArray | None:
+    """Return the crossing (2,) of two shapes next to a point, None if Newton's method fails."""
+    point = near.copy()
+    for _ in range(20):
+        rows = point[None]
+        value = np.array([first.off(rows)[0], second.off(rows)[0]])
+        slope = np.stack([first.normal(rows)[0], second.normal(rows)[0]])
+        if abs(np.linalg.det(slope)) < 0.05:
+            return None
+        step = np.linalg.solve(slope, -value)
+        point = point + step
+        if float(np.abs(step).max()) <= 1e-15 * (1.0 + float(np.abs(point).max())):
+            break
+    return point

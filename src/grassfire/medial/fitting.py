@@ -1,0 +1,429 @@
+"""Edges of the axis in Bezier form, interpolated at Chebyshev points (Dorado 2009, eq. 7).
+
+An edge is interpolated along the parameter of one of its sides. Its disks are contacts, which are
+costly, so each is found once: at nested Chebyshev points, coarse ones first, whose contacts are
+interpolated to start the search for the next. Lower degrees are judged at the points that they do
+not use, the highest at points of its own. The contacts stay in `Fit`, for the certificate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+
+import numpy as np
+
+from grassfire.errors import GeometryError
+from grassfire.geometry.chebyshev import bernstein, interpolate_to_bezier, nodes
+from grassfire.medial.edges import (
+    DEGREES,
+    NODES,
+    TOP,
+    Fit,
+    Span,
+    evaluate_span,
+    graph_spans,
+    motion,
+)
+from grassfire.medial.graph import Graph
+from grassfire.medial.sites import FloatArray, IntArray, SiteKind, Sites
+
+_COARSE = np.array([3, 6, 9])
+_FINE = np.array([1, 2, 4, 5, 7, 8, 10, 11])
+_CHECKS = np.sin(np.pi * (np.array([0, 3, 8, 11]) + 0.5) / (2 * TOP)) ** 2
+"""Midway between Chebyshev points, where the error of the highest degree is largest."""
+
+_MOST_HALVES = 4
+"""Open pieces per edge beyond which halving has stopped to help."""
+
+_PATIENCE = 14
+"""Halvings after which the larger tolerance counts, and derivatives no longer do."""
+
+_CHORDS = 399
+"""Chords that a piece is drawn with."""
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """Spans with their polynomials: degree (0: none is good enough), coefficients (k, 13, 3) of
+    which the first degree + 1 count, error, contacts (k, 13) and disks (k, 13, 3) at the Chebyshev
+    points, and the largest 1 - k r at the ends (k,), which is infinite at corners and 0 where the
+    derivatives do not matter."""
+
+    span: Span
+    degree: IntArray
+    table: FloatArray
+    error: FloatArray
+    facing: FloatArray
+    disks: FloatArray
+    sharpness: FloatArray
+
+    def take(self, index: IntArray) -> _Pieces:
+        return _Pieces(
+            self.span.take(index),
+            *(getattr(self, item.name)[index] for item in fields(self)[1:]),
+        )
+
+    @staticmethod
+    def join(parts: list[_Pieces]) -> _Pieces:
+        return _Pieces(
+            Span.join([part.span for part in parts]),
+            *(
+                np.concatenate([getattr(part, item.name) for part in parts])
+                for item in fields(_Pieces)[1:]
+            ),
+        )
+
+
+def fit_edges(
+    sites: Sites,
+    graph: Graph,
+    tolerance: float,
+    drawing_tolerance: float,
+    largest: float | None = None,
+    depth: int = 40,
+) -> Fit:
+    """Interpolate every edge; halve those that no degree up to 12 brings below tolerance.
+
+    Parameters
+    ----------
+    tolerance : float
+        Deviation of centre and radius from the exact disk of the same parameter to aim at, mm.
+    drawing_tolerance : float
+        Pieces are short enough for 399 chords to draw each within this, mm.
+    largest : float, optional
+        Deviation to put up with where halving no longer helps, as next to vertices that rounding
+        leaves open along the axis, mm; `tolerance` by default.
+
+    Raises
+    ------
+    GeometryError
+        An edge that does not converge, with its place.
+    """
+    span = graph_spans(graph, sites)
+    done: list[_Pieces] = []
+    joints = [np.concatenate([graph.vertex_centre, graph.vertex_radius[:, None]], axis=1)]
+    most = _MOST_HALVES * (len(span) + 1)
+    for level in range(depth):
+        patient = level < _PATIENCE
+        pieces = _interpolate(
+            sites, span, tolerance if patient else max(tolerance, largest or 0.0), patient
+        )
+        done.append(pieces.take(np.flatnonzero(pieces.degree > 0)))
+        poor = np.flatnonzero(pieces.degree == 0)
+        if not len(poor):
+            break
+        if len(poor) > most:
+            place = span.first_disk[poor[0], :2] + sites.origin
+            raise GeometryError("edges of the axis do not converge", place=tuple(place))
+        span, middle = _halve(sites, pieces.take(poor), sum(len(part) for part in joints))
+        joints.append(middle)
+    else:
+        place = span.first_disk[0, :2] + sites.origin
+        raise GeometryError("an edge of the axis does not converge", place=tuple(place))
+    every = _drawable(sites, _Pieces.join(done), joints, drawing_tolerance)
+    every = every.take(np.lexsort((every.span.start, every.span.edge)))
+    vertices = np.concatenate(joints)
+    return Fit(
+        span=every.span,
+        control=every.table[np.arange(TOP + 1) <= every.degree[:, None]],
+        offset=np.concatenate([[0], np.cumsum(every.degree + 1)]).astype(np.int64),
+        error=every.error,
+        facing=every.facing,
+        exact=_known_degree(sites, every.span) > 0,
+        vertex_centre=vertices[:, :2],
+        vertex_radius=vertices[:, 2],
+    )
+
+
+def _first_hint(sites: Sites, span: Span) -> FloatArray:
+    """(k, 3) contacts expected at the coarse points: the cubic with the right slopes at the ends.
+
+    Both contacts see the same motion of the centre, ds (1 - k r) across their normals.
+    """
+    fraction = NODES[_COARSE]
+    length = span.end - span.start
+    step = span.facing_end - span.facing_start
+    if not np.any(sites.kind[span.partner] == SiteKind.SPIRAL):
+        return np.asarray(span.facing_start[:, None] + step[:, None] * fraction)
+    slopes = []
+    for own, other, disk in (
+        (span.start, span.facing_start, span.first_disk),
+        (span.end, span.facing_end, span.last_disk),
+    ):
+        near, _ = motion(sites, span.site, own, disk[:, 2])
+        far, _ = motion(sites, span.partner, other, disk[:, 2])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = -near * length / (far * step)
+        # At smooth ends both vanish; beyond 3 the cubic would not be monotone.
+        ratio = np.where(np.isfinite(ratio) & (ratio > 0), ratio, 1.0)
+        slopes.append(np.minimum(ratio, 3.0)[:, None])
+    rest = 1 - fraction
+    shape = (
+        slopes[0] * fraction * rest**2
+        - slopes[1] * fraction**2 * rest
+        + fraction**2 * (3 - 2 * fraction)
+    )
+    return np.asarray(span.facing_start[:, None] + step[:, None] * shape)
+
+
+def _known_degree(sites: Sites, span: Span) -> IntArray:
+    """Degree of the edges that are polynomials because of their sites: lines and parabolas; or 0.
+
+    Along a line the bisector with another line is linear, and with a point or a circle (a point
+    moved along the normal) quadratic, both in centre and radius.
+    """
+    one, two = sites.kind[span.site], sites.kind[span.partner]
+    line = one == SiteKind.LINE
+    degree = np.where(two == SiteKind.LINE, 1, np.where(two == SiteKind.SPIRAL, 0, 2))
+    return np.where(line, degree, 0)
+
+
+def _interpolate(sites: Sites, span: Span, tolerance: float, steady: bool) -> _Pieces:
+    """Lowest degree that is good enough (0 where none is), its error, Bezier coefficients.
+
+    `steady` asks for good derivatives, too.
+    """
+    count = len(span)
+    pieces = _Pieces(
+        span=span,
+        degree=np.zeros(count, dtype=np.int64),
+        table=np.zeros((count, TOP + 1, 3)),
+        error=np.full(count, np.inf),
+        facing=np.zeros((count, TOP + 1)),
+        disks=np.zeros((count, TOP + 1, 3)),
+        sharpness=_sharpness(sites, span) if steady else np.zeros(count),
+    )
+    disks, facing = pieces.disks, pieces.facing
+    disks[:, 0], disks[:, -1] = span.first_disk, span.last_disk
+    facing[:, 0], facing[:, -1] = span.facing_start, span.facing_end
+    disks[:, _COARSE], facing[:, _COARSE] = evaluate_span(
+        sites, span, NODES[_COARSE], _first_hint(sites, span)
+    )
+    coarse = np.array([0, *_COARSE, TOP])
+    # Contacts on lines and points are known where those of their ends are; on arcs they turn.
+    known = np.where(sites.kind[span.partner] == SiteKind.ARC, 0, _known_degree(sites, span))
+    for degree in (1, 2):
+        _try(pieces, np.flatnonzero(known == degree), degree, coarse, tolerance)
+    with np.errstate(invalid="ignore"):
+        rest = facing[:, coarse] @ _resampling(4).T
+    easy = np.flatnonzero(pieces.degree > 0)
+    facing[easy[:, None], _FINE] = rest[easy]
+    rows = np.flatnonzero(pieces.degree == 0)
+    if len(rows):
+        part = span.take(rows)
+        found = evaluate_span(sites, part, NODES[_FINE], rest[rows])
+        disks[rows[:, None], _FINE], facing[rows[:, None], _FINE] = found
+        for degree in DEGREES[:-1]:
+            _try(pieces, np.flatnonzero(pieces.degree == 0), degree, np.arange(TOP + 1), tolerance)
+    rows = np.flatnonzero((pieces.degree == 0) & np.isfinite(disks).all(axis=(1, 2)))
+    if len(rows):
+        hint = facing[rows] @ _resampling(TOP).T
+        checks, _ = evaluate_span(sites, span.take(rows), _CHECKS, hint)
+        table = interpolate_to_bezier(disks[rows])
+        away = _deviation(pieces, rows, bernstein(TOP, _CHECKS) @ table - checks)
+        _accept(pieces, rows, TOP, table, away, tolerance)
+    return pieces
+
+
+def _sharpness(sites: Sites, span: Span) -> FloatArray:
+    """Largest 1 - k r at the ends of both sides, (k,)."""
+    result = np.ones(len(span))
+    for site, parameter, disk in (
+        (span.site, span.start, span.first_disk),
+        (span.site, span.end, span.last_disk),
+        (span.partner, span.facing_start, span.first_disk),
+        (span.partner, span.facing_end, span.last_disk),
+    ):
+        _, _, curvature = sites.frame(site, parameter)
+        result = np.maximum(result, 1 - curvature * np.maximum(disk[:, 2], 1e-300))
+    return result
+
+
+@lru_cache(maxsize=2)
+def _resampling(degree: int) -> FloatArray:
+    """Values at the fine points from those at the coarse ones (4), or at the checks (12)."""
+    at = NODES[_FINE] if degree < TOP else _CHECKS
+    basis = interpolate_to_bezier(np.eye(degree + 1))
+    return np.asarray(bernstein(degree, at) @ basis)
+
+
+def _try(pieces: _Pieces, rows: IntArray, degree: int, known: IntArray, tolerance: float) -> None:
+    """Accept `degree` where it is good enough at all nodes of which the disks are `known`."""
+    if not len(rows):
+        return
+    chosen = np.arange(0, TOP + 1, TOP // degree)
+    disks = pieces.disks[rows]
+    with np.errstate(invalid="ignore"):
+        table = interpolate_to_bezier(disks[:, chosen])
+        fitted = bernstein(degree, NODES[known]) @ table
+        away = _deviation(pieces, rows, fitted - disks[:, known])
+    # Where the partner is out of reach the edge is not what the graph says: left open.
+    away = np.where(np.isfinite(away), away, np.inf)
+    _accept(pieces, rows, degree, table, away, tolerance)
+
+
+def _deviation(pieces: _Pieces, rows: IntArray, away: FloatArray) -> FloatArray:
+    """Largest coordinate (n,) of deviations (n, m, 3).
+
+    Vertices that rounding leaves open along the axis lie on it all the same. So on pieces that
+    keep being halved next to them, short as they are, what points along the piece is no error.
+    """
+    late = np.flatnonzero(pieces.sharpness[rows] == 0)
+    if len(late):
+        chord = pieces.disks[rows[late], -1] - pieces.disks[rows[late], 0]
+        square = np.maximum(np.einsum("ij,ij->i", chord, chord), 1e-300)
+        with np.errstate(invalid="ignore"):
+            along = np.einsum("imj,ij->im", away[late], chord) / square[:, None]
+            away[late] -= along[..., None] * chord[:, None]
+    return np.asarray(np.abs(away).max(axis=(1, 2)))
+
+
+def _accept(
+    pieces: _Pieces,
+    rows: IntArray,
+    degree: int,
+    table: FloatArray,
+    away: FloatArray,
+    tolerance: float,
+) -> None:
+    good = away <= np.minimum(tolerance, _steady_limit(pieces, rows, degree, tolerance))
+    chosen = rows[good]
+    pieces.degree[chosen] = degree
+    pieces.table[chosen, : degree + 1] = table[good]
+    pieces.error[chosen] = away[good]
+
+
+def _steady_limit(pieces: _Pieces, rows: IntArray, degree: int, tolerance: float) -> FloatArray:
+    """Deviation that still lets the derivatives of a piece tell where its disks touch, (n,).
+
+    A deviation d of a polynomial of length l turns its derivative by some 2 degree d / l
+    (Bernstein). A turn a moves the recovered boundary by r (1 - k r) a^2 / 2, and by no more than
+    r a, as in front of a corner: either within ten tolerances gives a.
+    """
+    first, last = pieces.disks[rows, 0], pieces.disks[rows, -1]
+    length = np.abs(last - first).max(axis=1)
+    radius = np.maximum(np.maximum(first[:, 2], last[:, 2]), 1e-300)
+    size = np.abs(first).max(axis=1) + radius
+    share = 10 * tolerance / radius
+    with np.errstate(divide="ignore"):
+        turn = np.maximum(np.sqrt(share / pieces.sharpness[rows]), share)
+    return np.asarray(np.maximum(length * turn / (2 * degree), 1e-13 * size))
+
+
+def _halve(sites: Sites, pieces: _Pieces, count: int) -> tuple[Span, FloatArray]:
+    """Two spans for one, and the (k, 3) disks of the joints between them.
+
+    `count` is the number of the first joint.
+    """
+    middle, facing = pieces.disks[:, TOP // 2], pieces.facing[:, TOP // 2]
+    span = pieces.span
+    lost = ~np.isfinite(middle).all(axis=1)
+    if lost.any():
+        place = span.first_disk[lost][0, :2] + sites.origin
+        raise GeometryError("an edge of the axis is interrupted", place=tuple(place))
+    half = 0.5 * (span.start + span.end)
+    joint = np.arange(count, count + len(half))
+    one = replace(span, end=half, facing_end=facing, last=joint, last_disk=middle, far_last=middle)
+    two = replace(
+        span, start=half, facing_start=facing, first=joint, first_disk=middle, far_first=middle
+    )
+    return Span.join([one, two]), middle
+
+
+# -- drawing --------------------------------------------------------------------------------------
+
+
+def _drawable(sites: Sites, pieces: _Pieces, joints: list[FloatArray], tolerance: float) -> _Pieces:
+    """Cut pieces into equal parts that 399 chords draw within `tolerance`; they stay the same.
+
+    The sagitta of a chord is |x' cross x''| / |x'| times its parameter step squared over 8.
+    """
+    parts = np.ones(len(pieces.span), dtype=np.int64)
+    for degree in np.unique(pieces.degree[pieces.degree > 1]):
+        rows = np.flatnonzero(pieces.degree == degree)
+        bend = _bend(pieces.table[rows, : degree + 1, :2])
+        parts[rows] = np.ceil(np.sqrt(np.maximum(bend / (8 * _CHORDS**2 * tolerance), 1.0)))
+    long = np.flatnonzero(parts > 1)
+    if not len(long):
+        return pieces
+    keep = pieces.take(np.flatnonzero(parts == 1))
+    return _Pieces.join([keep, _cut(sites, pieces.take(long), parts[long], joints)])
+
+
+def _bend(table: FloatArray) -> FloatArray:
+    """Largest |x' cross x''| / |x'| of polynomials (k, degree + 1, 2)."""
+    degree = table.shape[1] - 1
+    first = degree * np.diff(table, axis=1)
+    second = (degree - 1) * np.diff(first, axis=1)
+    fraction = np.linspace(0.0, 1.0, 9)
+    one = bernstein(degree - 1, fraction) @ first
+    two = bernstein(degree - 2, fraction) @ second
+    speed = np.hypot(one[..., 0], one[..., 1])
+    cross = np.abs(one[..., 0] * two[..., 1] - one[..., 1] * two[..., 0])
+    least = 1e-3 * speed.max(axis=1, keepdims=True) + 1e-300
+    return np.asarray((cross / np.maximum(speed, least)).max(axis=1))
+
+
+def _cut(sites: Sites, pieces: _Pieces, parts: IntArray, joints: list[FloatArray]) -> _Pieces:
+    """Every piece as `parts` equal ones."""
+    row = np.repeat(np.arange(len(parts)), parts)
+    index = np.arange(len(row)) - np.repeat(np.cumsum(parts) - parts, parts)
+    low, high = index / parts[row], (index + 1) / parts[row]
+    fraction = low[:, None] + (high - low)[:, None] * NODES
+    facing = _values(interpolate_to_bezier(pieces.facing[..., None])[row], TOP, fraction)[..., 0]
+    table = np.zeros((len(row), TOP + 1, 3))
+    degree = pieces.degree[row]
+    for value in np.unique(degree):
+        members = np.flatnonzero(degree == value)
+        source = pieces.table[row[members], : value + 1]
+        at = low[members, None] + (high - low)[members, None] * nodes(int(value))
+        values = _values(source, int(value), at)
+        table[members, : value + 1] = interpolate_to_bezier(values)
+    inner = np.flatnonzero(index > 0)
+    before = inner - 1
+    # Exact disks at the joints; the polynomials meet at their own.
+    hint = facing[inner, :1]
+    place = low[inner, None]
+    exact, where = evaluate_span(sites, pieces.span.take(row[inner]), place, hint)
+    table[before, degree[before]] = table[inner, 0]
+    first = sum(len(part) for part in joints)
+    joints.append(table[inner, 0])
+    span = _cut_span(pieces.span.take(row), low, high, inner, exact[:, 0], where[:, 0], first)
+    facing[:, 0], facing[:, -1] = span.facing_start, span.facing_end
+    return _Pieces(
+        span, degree, table, pieces.error[row], facing, np.zeros_like(table), pieces.sharpness[row]
+    )
+
+
+def _cut_span(
+    span: Span,
+    low: FloatArray,
+    high: FloatArray,
+    inner: IntArray,
+    disk: FloatArray,
+    facing: FloatArray,
+    count: int,
+) -> Span:
+    """Rows of the spans restricted to fractions [low, high]; the joints are the starts of `inner`.
+
+    `count` is the number of the first joint.
+    """
+    before = inner - 1
+    length = span.end - span.start
+    start, end = span.start + length * low, span.end.copy()
+    end[before] = start[inner]
+    columns = {item.name: getattr(span, item.name).copy() for item in fields(span)}
+    columns["start"], columns["end"] = start, end
+    columns["facing_start"][inner] = columns["facing_end"][before] = facing
+    columns["first"][inner] = columns["last"][before] = np.arange(count, count + len(inner))
+    for name in ("first_disk", "far_first"):
+        columns[name][inner] = disk
+    for name in ("last_disk", "far_last"):
+        columns[name][before] = disk
+    return Span(**columns)
+
+
+def _values(table: FloatArray, degree: int, fraction: FloatArray) -> FloatArray:
+    """(k, n, d) values of polynomials (k, degree + 1, d) at fractions (k, n)."""
+    return np.asarray(bernstein(degree, fraction) @ table)
