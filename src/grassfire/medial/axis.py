@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, overload
 
@@ -41,14 +41,16 @@ if TYPE_CHECKING:
     import networkx
 
 _ATTEMPTS = (
-    (1, 1.0, 0.0, 1.0),
-    (4, 1.0, 0.0, 10.0),
-    (1, 1.0, 1.0, 100.0),
-    (2, 3.0, 1.0, 1.0),
-    (16, 1.0, 1.0, 10.0),
+    (1, 1.0, 0.0, 1.0, 0.0),
+    (1, 1.0, 0.0, 1.0, 0.4),
+    (4, 1.0, 0.0, 10.0, 0.0),
+    (1, 1.0, 1.0, 100.0, 0.4),
+    (2, 3.0, 1.0, 1.0, 0.4),
+    (16, 1.0, 1.0, 10.0, 0.4),
 )
 """Density of samples and first nodes, factor on the smooth angle, least fan as a share of that angle, factor
-on the length below which two boundary points are one."""
+on the length below which two boundary points are one by rounding, and the share of the tolerance
+within which vertices are merged."""
 
 
 @dataclass(frozen=True)
@@ -389,12 +391,13 @@ def _certified(region: Region, tol: float, angular_tolerance: float) -> MedialAx
 
 
 def _compute(
-    region: Region, tol: float, angular_tolerance: float, attempt: tuple[int, float, float, float]
+    region: Region, tol: float, angular_tolerance: float, attempt: tuple[int, float, float, float, float]
 ) -> MedialAxis:
-    density, widening, least_fan, blur = attempt
+    density, widening, least_fan, blur, share = attempt
     turn = widening * _smooth_angle(region, tol, angular_tolerance)
     clock = [time.perf_counter()]
-    sites, beziers = build_sites(region, turn, max(least_fan * turn, 1e-9))
+    merged = share * tol
+    sites, beziers = build_sites(region, turn, max(least_fan * turn, 1e-9), merged)
     clock.append(time.perf_counter())
     search = BoundarySearch(sites, region.area, density)
     clock.append(time.perf_counter())
@@ -404,7 +407,9 @@ def _compute(
     accuracy = max(0.05 * tol, min(0.5 * tol, 4e-12 * sites.size))
     fit = fit_edges(sites, graph, accuracy, max(0.5 * tol, 3e-8), 0.5 * tol)
     clock.append(time.perf_counter())
-    certificate = certify(region, sites, search, graph, fit, tol)
+    certificate = certify(region, sites, search, graph, fit, tol - merged)
+    # The boundary that was merged lies that near to the one that was given.
+    certificate = replace(certificate, max_disk_error=certificate.max_disk_error + merged)
     clock.append(time.perf_counter())
     pruned = _pruned(sites, graph, fit, angular_tolerance)
     stages = ("sites", "search", "graph", "edges", "certificate")

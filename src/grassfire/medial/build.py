@@ -18,7 +18,7 @@ CUSP = 1e-9
 
 
 def build_sites(
-    region: Region, smooth_angle: float = 1e-6, least_fan: float = 1e-9
+    region: Region, smooth_angle: float = 1e-6, least_fan: float = 1e-9, merged: float = 0.0
 ) -> tuple[Sites, tuple[Bezier, ...]]:
     """Sites of a region, and the Bezier curves that its spirals are pieces of.
 
@@ -31,6 +31,8 @@ def build_sites(
     least_fan : float
         Reflex turn below which a corner gets no fan of normals, radians: the axis then misses a
         stretch of its radius times the turn.
+    merged : float
+        Distance of points that count as one, mm, where it is more than rounding.
 
     Raises
     ------
@@ -55,7 +57,8 @@ def build_sites(
         raise GeometryError("the region has no extent")
     pieces, table, beziers = gather(region, origin, size)
     far = max(abs(xmin), abs(ymin), abs(xmax), abs(ymax))
-    pieces = collapse(divide(pieces, table, size), DUPLICATE * size + 1e-15 * far)
+    least = max(DUPLICATE * size + 1e-15 * far, merged)
+    pieces = collapse(divide(pieces, table, size), least)
     turn = _turns(pieces, beziers, origin, max(least_fan, CUSP))
     return _assemble(pieces, table, turn, (smooth_angle, least_fan), origin, size), beziers
 
@@ -100,7 +103,7 @@ def _assemble(
     _add_fans(site, pieces, past[fan] - 1, np.flatnonzero(fan), turn[fan])
     corner_after, turn_after = np.zeros(len(site), dtype=bool), np.zeros(len(site))
     turn_after[past[~fan] - 1] = turn[~fan]
-    corner_after[past[~fan] - 1] = turn[~fan] > smooth_angle
+    corner_after[past[~fan] - 1] = (turn > _corner_angle(pieces, smooth_angle, size))[~fan]
     following, preceding = neighbours(site.loop)
     return Sites(
         kind=site.kind,
@@ -120,6 +123,19 @@ def _assemble(
         origin=origin,
         size=size,
     )
+
+
+def _corner_angle(pieces: Pieces, smooth_angle: float, size: float) -> FloatArray:
+    """Turn above which the end of each piece is a convex corner.
+
+    Where a disk lies in a rounded arc a turn moves its centre by the radius times the turn, not
+    by half its square: that is held to the same length.
+    """
+    radius = np.where(pieces.kind == SiteKind.ARC, pieces.radius, 0.0)
+    radius = np.where(pieces.extent[:, 1] > 0, radius, 0.0)
+    radius = np.maximum(radius, radius[neighbours(pieces.loop)[0]])
+    with np.errstate(divide="ignore"):
+        return np.minimum(smooth_angle, 5.0 * smooth_angle**2 * size / radius)
 
 
 def _add_fans(

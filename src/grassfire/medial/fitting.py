@@ -47,8 +47,7 @@ _CHORDS = 399
 class _Pieces:
     """Spans with their polynomials: degree (0: none is good enough), coefficients (k, 13, 3) of
     which the first degree + 1 count, error, contacts (k, 13) and disks (k, 13, 3) at the Chebyshev
-    points, and the largest 1 - k r at the ends (k,), which is infinite at corners and 0 where the
-    derivatives do not matter."""
+    points, and the largest 1 - k r at the ends (k,), which is 0 where derivatives do not matter."""
 
     span: Span
     degree: IntArray
@@ -227,7 +226,7 @@ def _interpolate(sites: Sites, span: Span, tolerance: float, steady: bool) -> _P
 
 
 def _sharpness(sites: Sites, span: Span) -> FloatArray:
-    """Largest 1 - k r at the ends of both sides, (k,)."""
+    """Largest 1 - k r at the ends of both sides, (k,), corners aside."""
     result = np.ones(len(span))
     for site, parameter, disk in (
         (span.site, span.start, span.first_disk),
@@ -236,7 +235,8 @@ def _sharpness(sites: Sites, span: Span) -> FloatArray:
         (span.partner, span.facing_end, span.last_disk),
     ):
         _, _, curvature = sites.frame(site, parameter)
-        result = np.maximum(result, 1 - curvature * np.maximum(disk[:, 2], 1e-300))
+        bend = np.where(np.isfinite(curvature), curvature, 0.0)
+        result = np.maximum(result, 1 - bend * disk[:, 2])
     return result
 
 
@@ -299,7 +299,7 @@ def _steady_limit(pieces: _Pieces, rows: IntArray, degree: int, tolerance: float
 
     A deviation d of a polynomial of length l turns its derivative by some 2 degree d / l
     (Bernstein). A turn a moves the recovered boundary by r (1 - k r) a^2 / 2, and by no more than
-    r a, as in front of a corner: either within ten tolerances gives a.
+    r a: either within ten tolerances gives a.
     """
     first, last = pieces.disks[rows, 0], pieces.disks[rows, -1]
     length = np.abs(last - first).max(axis=1)

@@ -50,9 +50,11 @@ def recover_boundary(
     fraction : (k,) float array
         Parameter on the edge, 0 to 1.
     left, right : (k, 2) float arrays
-        Feet of the disk on either side of the edge, mm: within 2 tol of the boundary, where tol is
-        that of the axis. Along the boundary they may be off by more, of the order of
-        r sqrt(tol / l) on a piece of length l near a smooth end, where both feet meet.
+        Feet of the disk on either side of the edge, mm. They lie on the disk, and where the feet
+        are well apart within a few tol of the boundary. What the derivatives are off by moves them
+        along the disk, the more the closer the feet are: by the order of r sqrt(tol / l) on a
+        piece of length l next to a smooth end, where the disk clings to the boundary, and in front
+        of two corners that are close together, where it does not.
 
     Raises
     ------

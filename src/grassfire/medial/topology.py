@@ -359,8 +359,11 @@ class Topology:
             mine = dirty[self.nodes.site]
             part = self._sorted(self.nodes.take(mine))
             rows = self._open(part)
-            if not len(rows):
+            if not len(rows) and dirty.all():
                 break
+            if not len(rows):
+                dirty[:] = True
+                continue
             added = Nodes.join(*self._solve(part, rows, turn < _PATIENCE))
             self.nodes = Nodes.join(self.nodes, added)
             dirty = np.zeros(len(self.sites), dtype=bool)
@@ -537,17 +540,8 @@ class Topology:
                 parameter[:, left], vertex, centre, np.zeros(len(chosen), dtype=bool),
             )  # fmt: skip
             parts.append(node)
-        own, *images = parts
-        joined = Nodes.join(*images)
-        return Nodes.join(own, joined.take(self._inside(joined)))
-
-    def _inside(self, nodes: Nodes) -> BoolArray:
-        """Whether nodes lie on their sites, farther from the ends than the snap length."""
-        sites = self.sites
-        speed = np.maximum(sites.speed(nodes.site, nodes.parameter, nodes.radius), 1e-300)
-        low = (nodes.parameter - sites.low[nodes.site]) * speed > self.snap
-        high = (sites.high[nodes.site] - nodes.parameter) * speed > self.snap
-        return low & high & ~self.contact_arc[nodes.site]
+        joined = Nodes.join(*parts)
+        return self._snap_to_ends(joined.take(~self.contact_arc[joined.site]))
 
     def _bracketed(
         self, nodes: Nodes, rows: IntArray, one: IntArray, other: IntArray
