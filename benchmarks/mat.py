@@ -233,7 +233,7 @@ def peer_words(given: Region, boundary: Boundary, peers: Peers, samples: int) ->
         for more in VARIANTS:
             # Its time counts few points of the curves; its accuracy is seen with many.
             quick = peers.opencascade(given, 4, 3, more)
-            fine = peers.opencascade(given, 2048, 1, more)
+            fine = peers.opencascade(given, 512, 1, more)
             if quick is not None and fine is not None:
                 answers.append(replace(fine, seconds=quick.seconds))
         yield best_of(boundary, answers)
@@ -264,8 +264,8 @@ def peer_errors(boundary: Boundary, answer: Answer) -> tuple[float, float]:
         flat[unknown, 2] = boundary.distance(flat[unknown, :2])
     claimed = ClaimedAxis(list(flat.reshape(-1, 2, 3)), flat[:0], samples=2)
     disks = boundary.disks(*probes(boundary, 300, 7))
-    missing = claimed.distance(disks.table, 16)
-    ends = claimed.distance(boundary.smooth_ends(1e-9)[2], 16)
+    missing = claimed.distance(disks.table)
+    ends = claimed.distance(boundary.smooth_ends(1e-9)[2])
     wide = missing[disks.reach > disks.radius]
     return float(max(missing.max(), ends.max(initial=0.0))), float(wide.max(initial=0.0))
 

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     import networkx
 
 _ATTEMPTS = (
-    (1, 1.0, 0.0, 1.0, 0.0),
+    (1, 1.0, 0.0, 1.0, 0.1),
     (1, 1.0, 0.0, 1.0, 0.4),
     (4, 1.0, 0.0, 10.0, 0.0),
     (1, 1.0, 1.0, 100.0, 0.4),
@@ -396,20 +396,22 @@ def _compute(
     density, widening, least_fan, blur, share = attempt
     turn = widening * _smooth_angle(region, tol, angular_tolerance)
     clock = [time.perf_counter()]
-    merged = share * tol
-    sites, beziers = build_sites(region, turn, max(least_fan * turn, 1e-9), merged)
+    sites, beziers = build_sites(region, turn, max(least_fan * turn, 1e-9), share * tol)
     clock.append(time.perf_counter())
     search = BoundarySearch(sites, region.area, density)
     clock.append(time.perf_counter())
     topology = Topology(sites, search, blur * _rounding(region, sites), turn, density)
     graph = build_graph(topology)
     clock.append(time.perf_counter())
-    accuracy = max(0.05 * tol, min(0.5 * tol, 4e-12 * sites.size))
-    fit = fit_edges(sites, graph, accuracy, max(0.5 * tol, 3e-8), 0.5 * tol)
+    rounding = 1e-15 * float(np.max(np.abs(region.bounds())))
+    accuracy = max(0.05 * tol, min(0.5 * tol, 4e-12 * sites.size)) + rounding
+    drawing = max(0.7 * tol, 7e-8, 3e-10 * sites.size)
+    fit = fit_edges(sites, graph, accuracy, drawing, 0.5 * tol)
     clock.append(time.perf_counter())
-    certificate = certify(region, sites, search, graph, fit, tol - merged)
+    certificate = certify(region, sites, search, graph, fit, tol - sites.merged)
     # The boundary that was merged lies that near to the one that was given.
-    certificate = replace(certificate, max_disk_error=certificate.max_disk_error + merged)
+    error = certificate.max_disk_error + sites.merged
+    certificate = replace(certificate, max_disk_error=error)
     clock.append(time.perf_counter())
     pruned = _pruned(sites, graph, fit, angular_tolerance)
     stages = ("sites", "search", "graph", "edges", "certificate")

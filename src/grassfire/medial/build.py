@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from grassfire.errors import GeometryError
@@ -13,6 +15,8 @@ from grassfire.medial.sites import FloatArray, IntArray, SiteKind, Sites
 
 DUPLICATE = 1e-12
 """Distance of points that count as one, relative to the size of the region."""
+_LINES = 3e-3
+"""Share of the smooth angle that makes a corner of two lines."""
 CUSP = 1e-9
 """Turn off half a turn below which the sign of a junction's turn is rounding, radians."""
 
@@ -58,9 +62,12 @@ def build_sites(
     pieces, table, beziers = gather(region, origin, size)
     far = max(abs(xmin), abs(ymin), abs(xmax), abs(ymax))
     least = max(DUPLICATE * size + 1e-15 * far, merged)
-    pieces = collapse(divide(pieces, table, size), least)
+    divided = divide(pieces, table, size)
+    pieces = collapse(divided, least)
+    moved = merged if len(pieces) < len(divided) else 0.0
     turn = _turns(pieces, beziers, origin, max(least_fan, CUSP))
-    return _assemble(pieces, table, turn, (smooth_angle, least_fan), origin, size), beziers
+    sites = _assemble(pieces, table, turn, (smooth_angle, least_fan), origin, size)
+    return replace(sites, merged=moved), beziers
 
 
 def _turns(
@@ -129,13 +136,17 @@ def _corner_angle(pieces: Pieces, smooth_angle: float, size: float) -> FloatArra
     """Turn above which the end of each piece is a convex corner.
 
     Where a disk lies in a rounded arc a turn moves its centre by the radius times the turn, not
-    by half its square: that is held to the same length.
+    by half its square: that is held to the same length. Between lines nothing is gained by
+    taking a corner for smooth but where it cannot be told from none.
     """
+    line = pieces.kind == SiteKind.LINE
+    straight = line & line[neighbours(pieces.loop)[0]]
     radius = np.where(pieces.kind == SiteKind.ARC, pieces.radius, 0.0)
     radius = np.where(pieces.extent[:, 1] > 0, radius, 0.0)
     radius = np.maximum(radius, radius[neighbours(pieces.loop)[0]])
     with np.errstate(divide="ignore"):
-        return np.minimum(smooth_angle, 5.0 * smooth_angle**2 * size / radius)
+        angle = np.minimum(smooth_angle, 5.0 * smooth_angle**2 * size / radius)
+    return np.where(straight, _LINES * smooth_angle, angle)
 
 
 def _add_fans(

@@ -86,13 +86,19 @@ def certify(
         raise GeometryError("the medial axis is not connected as its region is")
     row, fraction = _places(sites, fit)
     disks, first, second = jets(fit, row, fraction)
-    interpolation, same = _interpolation_errors(sites, fit, row, fraction, disks)
+    interpolation, feet = _interpolation_error(sites, fit, row, fraction, disks)
+    same = np.abs(feet - disks[:, 2]).max(axis=0)
     limit = _COMMON * tolerance
     _demand(sites, disks, interpolation, limit, "a disk of the medial axis misses its site")
     _demand(sites, disks, same, limit, "the recovered boundary is off")
     centre = np.concatenate([fit.vertex_centre, disks[:, :2]])
     radius = np.concatenate([fit.vertex_radius, disks[:, 2]])
-    away = np.abs(search.nearest(centre)[0] - radius)
+    nearest = search.nearest(centre)[0]
+    # Feet on the sites of the piece are boundary points as well: next to centres of curvature,
+    # where distances are flat, they are known better than what a search finds.
+    inner = nearest[len(fit.vertex_radius) :]
+    np.minimum(inner, feet.min(axis=0), out=inner)
+    away = np.abs(nearest - radius)
     every = np.concatenate([centre, radius[:, None]], axis=1)
     _demand(sites, every, away, tolerance, "a disk of the medial axis is off")
     left, right = envelope(disks, first, second, fraction)
@@ -159,14 +165,15 @@ def _facing(fit: Fit, row: IntArray, fraction: FloatArray) -> FloatArray:
 # -- eqs. (8) and (9) -----------------------------------------------------------------------------
 
 
-def _interpolation_errors(
+def _interpolation_error(
     sites: Sites, fit: Fit, row: IntArray, fraction: FloatArray, disks: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Eqs. (8), times r*, and (9) at places (n,): |n.(c* - c) - r*| and |c - (c* - r* n)|.
+    """Eq. (8), times r*, at places (n,): |n.(c* - c) - r*|; and distances to both feet (2, n).
 
-    (8) takes c at the same parameter on the near side; otherwise c is the foot of c*, where both
-    are the error of its distance. So (9) does not count how far c* lies along the axis from the
-    exact centre: vertices between nearly parallel contacts are open in that direction.
+    (8) takes c at the same parameter on the near side; on the far side c is the foot of c*. There
+    eq. (9), |c - (c* - r* n)|, is what the distance is off by on either side: it does not count how
+    far c* lies along the axis from the exact centre, as vertices between nearly parallel contacts
+    are open in that direction.
     """
     span = fit.span.take(row)
     parameter = span.start + (span.end - span.start) * fraction
@@ -175,8 +182,8 @@ def _interpolation_errors(
     site = np.concatenate([span.site, span.partner])
     hint = np.concatenate([parameter, _facing(fit, row, fraction)])
     distance = _distance(sites, site, np.concatenate([disks[:, :2]] * 2), hint)
-    near, far = np.abs(distance.reshape(2, -1) - disks[:, 2])
-    return np.maximum(along, far), np.maximum(near, far)
+    feet = distance.reshape(2, -1)
+    return np.maximum(along, np.abs(feet[1] - disks[:, 2])), feet
 
 
 def _distance(sites: Sites, site: IntArray, point: FloatArray, hint: FloatArray) -> FloatArray:

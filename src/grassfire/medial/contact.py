@@ -357,7 +357,7 @@ def _newton(
     near = near.take(rows) if len(rows) < count else near
     low, high = sites.low[near.target], sites.high[near.target]
     value = np.clip(hint[rows], low, high)
-    first = np.full(len(rows), np.nan)
+    first, before = np.full(len(rows), np.nan), np.full(len(rows), np.inf)
     for step_number in range(24):
         if not len(rows):
             break
@@ -373,11 +373,13 @@ def _newton(
         done = (np.abs(new - value) <= 1e-13 * span) | ~reached
         parameter[rows], radius[rows] = new, rho
         # About an osculating disk (A) is flat: Newton's method is slow, but (A) is settled.
-        done |= (step_number >= 9) & (np.abs(new - value) <= 1e-9 * span)
+        moved = np.abs(new - value)
+        done |= (moved <= 1e-8 * span) & (moved > 0.1 * before)
         good[rows] = done & reached & (rho <= first)
-        value = new
+        value, before = new, moved
         if done.any():
             stay = np.flatnonzero(~done)
+            before = before[stay]
             rows, value, first = rows[stay], value[stay], first[stay]
             low, high, near = low[stay], high[stay], near.take(stay)
     return parameter, radius, good

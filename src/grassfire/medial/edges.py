@@ -138,15 +138,11 @@ def graph_spans(graph: Graph, sites: Sites) -> Span:
     one, two = sites.kind[graph.site[rows]], sites.kind[graph.site[mate]]
     rank, other = _PREFERENCE[one, two], _PREFERENCE[two, one]
     worse = other > rank
-    spirals = (one == SiteKind.SPIRAL) & (two == SiteKind.SPIRAL)
-    curved = np.flatnonzero(spirals | (one == SiteKind.ARC) | (two == SiteKind.ARC))
-    if len(curved):
-        first = _least_approach(sites, graph, rows[curved])
-        second = _least_approach(sites, graph, mate[curved])
-        nearer = second < first * (1 - 1e-6)
-        # An arc that the axis all but collapses on is the only parameter; else kinds decide.
-        close = np.minimum(first, second) < 1e-3
-        worse[curved] = np.where(spirals[curved] | close, nearer, worse[curved])
+    tied = np.flatnonzero((one == SiteKind.SPIRAL) & (two == SiteKind.SPIRAL))
+    if len(tied):
+        first = _least_approach(sites, graph, rows[tied])
+        second = _least_approach(sites, graph, mate[tied])
+        worse[tied] = second < first * (1 - 1e-6)
     rows, mate = np.where(worse, mate, rows), np.where(worse, rows, mate)
     return Span(
         site=graph.site[rows],

@@ -108,6 +108,15 @@ def fit_edges(
         pieces = _interpolate(
             sites, span, tolerance if patient else max(tolerance, largest or 0.0), patient
         )
+        lost = (pieces.degree == 0) & (_known_degree(sites, span) == 2)
+        if level == 0 and lost.any():
+            # A parabola over a sliver of its line, beside an arc that it all but collapses on.
+            same = span.take(np.flatnonzero(lost))
+            turned = _interpolate(sites, same, max(tolerance, largest or 0.0), steady=False)
+            if not turned.degree.all():
+                turned = _interpolate(sites, same.swapped(), tolerance, patient)
+            pieces = _Pieces.join([pieces.take(np.flatnonzero(~lost)), turned])
+            span = pieces.span
         done.append(pieces.take(np.flatnonzero(pieces.degree > 0)))
         poor = np.flatnonzero(pieces.degree == 0)
         if not len(poor):
@@ -184,6 +193,8 @@ def _interpolate(sites: Sites, span: Span, tolerance: float, steady: bool) -> _P
     `steady` asks for good derivatives, too.
     """
     count = len(span)
+    # What rounding does to the bisector of two lines, however parallel, it does along it.
+    straight = _known_degree(sites, span) == 1
     pieces = _Pieces(
         span=span,
         degree=np.zeros(count, dtype=np.int64),
@@ -191,7 +202,7 @@ def _interpolate(sites: Sites, span: Span, tolerance: float, steady: bool) -> _P
         error=np.full(count, np.inf),
         facing=np.zeros((count, TOP + 1)),
         disks=np.zeros((count, TOP + 1, 3)),
-        sharpness=_sharpness(sites, span) if steady else np.zeros(count),
+        sharpness=np.where(straight | (not steady), 0.0, _sharpness(sites, span)),
     )
     disks, facing = pieces.disks, pieces.facing
     disks[:, 0], disks[:, -1] = span.first_disk, span.last_disk

@@ -82,8 +82,8 @@ class BoundarySearch:
         self.site = site
         self.parameter = sites.low[site] + (sites.high[site] - sites.low[site]) * fraction
         self.point = sites.point(site, self.parameter)
-        # Points on curves: compact nodes make far queries up to 80 times slower.
-        self.tree = cKDTree(self.point, compact_nodes=False)
+        # Points on curves: such nodes make far queries up to 80 times faster.
+        self.tree = cKDTree(self.point, compact_nodes=False, balanced_tree=False)
         self.half, self.bulge = self._cover(turn / count)
         self.half_step, self.most_bulge = float(self.half.max()), float(self.bulge.max())
 

@@ -61,6 +61,8 @@ class Sites:
         What was subtracted from all coordinates, mm.
     size : float
         Diagonal of the bounding box, mm.
+    merged : float
+        How far points of the boundary were moved at most to become one, mm.
     """
 
     kind: IntArray
@@ -79,6 +81,7 @@ class Sites:
     curve: IntArray
     origin: FloatArray
     size: float
+    merged: float = 0.0
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -185,8 +188,8 @@ class Sites:
         distance = np.full(len(target), np.inf)
         active = np.arange(len(target))
         # Centres of curvature are multiple roots: Newton is linear there and needs its time.
-        for _ in range(40):
-            value = parameter[active]
+        for _ in range(60):
+            value, span = parameter[active], (high - low)[active]
             point, first, second = self._spiral(self.bezier[target[active]], value, 2)
             offset = point - centre[active]
             squared = dot(offset, offset)
@@ -194,12 +197,12 @@ class Sites:
             best[active] = np.where(better, value, best[active])
             distance[active] = np.where(better, squared, distance[active])
             slope, flat = dot(offset, first), dot(first, first)
-            curve = flat + dot(offset, second)
-            # Gauss-Newton where the full second derivative is not safely positive.
-            curve = np.where(curve > 1e-7 * flat, curve, flat)
-            new = np.clip(value - slope / curve, low[active], high[active])
+            # Beyond the evolute the second derivative is negative: the slope still tells the way.
+            curve = np.maximum(np.abs(flat + dot(offset, second)), 1e-9 * flat)
+            step = np.clip(-slope / curve, -0.5 * span, 0.5 * span)
+            new = np.clip(value + step, low[active], high[active])
             parameter[active] = new
-            active = active[np.abs(new - value) > 1e-15 * (1 + np.abs(value))]
+            active = active[np.abs(new - value) > 1e-12 * span]
             if not len(active):
                 break
         for end in (low, high):

@@ -22,7 +22,7 @@ from grassfire.medial.triple import TripleDisks, common_disk, triple_disks
 _CROWD = 64
 """Neighbouring sites beyond which a disk common to all is tried first."""
 
-_PATIENCE = 20
+_PATIENCE = 8
 """Rounds after which crossings are bracketed that Newton's method does not settle."""
 
 WHOLE = -2
@@ -436,13 +436,15 @@ class Topology:
         if len(known):
             triple = np.stack([site, one, other], axis=1)[known]
             parts.append(self._branch_nodes(triple, disks, known))
-        # Another site reaches in, or takes over where a contact leaves its own: look there.
-        crowded = np.flatnonzero(disks.settled & ~(disks.good & empty) & patient)
-        if len(crowded):
-            where = disks.parameter[crowded, 0]
-            parts.append(self.plain_nodes(site[crowded], where, junctions=True))
-        hard = np.flatnonzero(~disks.settled | (~(disks.good & empty) & ~patient))
-        if len(hard):
+        # Another site reaches in, or takes over where a contact leaves its own: look there; or
+        # half way, where Newton's method went astray.
+        open_rows = np.flatnonzero(~(disks.good & empty))
+        if len(open_rows) and patient:
+            middle = 0.5 * (nodes.parameter[rows] + nodes.parameter[rows + 1])
+            where = np.where(disks.settled, disks.parameter[:, 0], middle)[open_rows]
+            parts.append(self.plain_nodes(site[open_rows], where, junctions=True))
+        elif len(open_rows):
+            hard = open_rows
             parts.extend(self._bracketed(nodes, rows[hard], one[hard], other[hard]))
         return parts
 
@@ -474,7 +476,11 @@ class Topology:
         curved = self.sites.kind[triple] == SiteKind.SPIRAL
         doubtful = near & (curved.sum(axis=1) >= 2) & (np.abs(disks.determinant) < 1e-4)
         doubtful |= (site == one) | (site == other) | (one == other)
-        inside = (mine > left) & (mine < right) & ~doubtful
+        # A node may be the branch point itself.
+        speed = np.maximum(self.sites.speed(site, mine, disks.radius), 1e-300)
+        margin = self.snap / speed
+        inside = (mine >= left - margin) & (mine <= right + margin) & ~doubtful
+        disks.parameter[:, 0] = np.clip(mine, left, right)
         return replace(disks, good=disks.good & inside, settled=disks.settled & inside)
 
     def _empty(self, disks: TripleDisks, slack: float) -> BoolArray:
