@@ -452,7 +452,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=list(PARTS))
     parser.add_argument("--peers", type=Path, help="folder with bin/ of the other programs")
-    parser.add_argument("--tol", type=float, default=1e-9, help="mm, not of polygons")
+    parser.add_argument("--tol", type=float, default=3e-10, help="mm, not of polygons")
     parser.add_argument("--runs", type=int, default=3, help="the median of so many")
     parser.add_argument("--count", type=int, default=100, help="random splines")
     parser.add_argument("--peer-count", type=int, default=20, help="of them, for the peers too")

@@ -101,7 +101,10 @@ def envelope(
     bend = np.hypot(second[:, 0], second[:, 1])
     # Short of the end of a smooth branch m' runs against m''.
     limit = second * np.where(fraction > 0.5, -1.0, 1.0)[:, None]
-    first = np.where((speed <= _STILL * bend)[:, None], limit, first)
+    # At an end r cannot grow faster than the centre moves: if it does, both are rounding.
+    noise = ((fraction <= 0) | (fraction >= 1)) & (np.abs(first[:, 2]) > speed)
+    noise &= speed <= 1e-5 * bend
+    first = np.where((noise | (speed <= _STILL * bend))[:, None], limit, first)
     slope, growth = first[:, :2], first[:, 2]
     square = np.einsum("ij,ij->i", slope, slope)
     safe = np.where(square > 0, square, 1.0)
