@@ -15,7 +15,7 @@ than the bars first:
 - A probe closer to a convex corner than that has its other contact among the points left out. So
   the seed of the probes is the first that puts none of them there.
 - It draws an edge of the axis with 400 points. So edges are split (exactly, by de Casteljau's
-  scheme) until their second differences bound the chords' error by a twentieth of the bar on what
+  scheme) until their second differences bound the chords' error by a quarter of the bar on what
   is missing.
 - Regions are scaled to a perimeter of `--perimeter` to keep the number of points in bounds.
 
@@ -214,7 +214,7 @@ def examine(task: tuple[str, int], options: argparse.Namespace) -> Verdict:
         axis = medial_axis(given, options.tol)
     except GeometryError as error:
         return Verdict(kind, seed, {}, (str(error),), "engine: no answer")
-    entry = split_entry(axis.to_dict(), options.missing / 20)
+    entry = split_entry(axis.to_dict(), options.missing / 4)
     loops = chords(given, options.spacing, options.disk_error / 10)
     seed_of_probes = probe_seed(given, loops, options.probes)
     figures = judge(entry, loops, samples=17, probes=options.probes, seed=seed_of_probes)

@@ -133,9 +133,13 @@ def corner_count(loop: Loop) -> int:
 
 
 def farthest(points: np.ndarray, ring: np.ndarray) -> float:
-    line = shapely.LinearRing(ring)
-    shapely.prepare(line)
-    return float(shapely.distance(line, shapely.points(points)).max())
+    closed = np.concatenate([ring, ring[:1]])
+    chords = shapely.linestrings(np.stack([closed[:-1], closed[1:]], axis=1))
+    tree = shapely.STRtree(chords)
+    _, off = tree.query_nearest(
+        shapely.points(points), return_distance=True, all_matches=False
+    )
+    return float(off.max())
 
 
 def deviations(loop: Loop, points: np.ndarray) -> tuple[float, float]:

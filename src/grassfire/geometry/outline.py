@@ -22,14 +22,20 @@ from grassfire.geometry.runs import (
     RAGGED,
     Run,
     chord_turns,
+)
+from grassfire.geometry.tangency import (
+    Shape,
+    crossing_point,
     fit_circle,
     fit_line,
+    fit_together,
+    touching_point,
 )
-from grassfire.geometry.tangency import Shape, crossing_point, fit_together, touching_point
 
 FEWEST_OF_SPLINE = 5
 """Vertices of a free run below which it stays a polyline."""
-ROUNDS = 60
+ROUNDS = 100
+"""How often runs are freed or moved before the polyline stays as it is."""
 REASSIGNMENTS = 6
 """How often the vertices beside a junction may change sides."""
 CROSSING_TURN = 0.35
@@ -106,11 +112,11 @@ def curves_of(outline: Outline) -> list[Curve]:
     if all(run.kind == PLAIN for run in outline.runs):
         return [Line(first, last) for first, last in pairwise(outline.chain)]
     current = _tidy(outline, first=True)
-    moves = REASSIGNMENTS
-    for _ in range(ROUNDS + len(outline.runs)):
+    moves, known = REASSIGNMENTS, dict[bytes, list[Shape] | None]()
+    for _ in range(ROUNDS):
         if len(current.runs) == 1 and current.closed and not current.corner[0]:
             return _whole(current)
-        solved = _solved(current)
+        solved = _solved(current, known)
         if isinstance(solved, Outline):
             current = _tidy(solved)
             continue
@@ -251,37 +257,50 @@ def _without_ragged(outline: Outline, runs: list[Run]) -> tuple[Outline, list[Ru
 # -- lines and arcs ------------------------------------------------------------------------------
 
 
-def _solved(outline: Outline) -> dict[int, Shape] | Outline:
-    """Return the shape of each solid run, or the outline with runs freed that cannot be fitted."""
+def _solved(
+    outline: Outline, known: dict[bytes, list[Shape] | None]
+) -> dict[int, Shape] | Outline:
+    """Return the shape of each solid run, or the outline with runs freed that cannot be fitted.
+
+    Groups fitted before are taken from `known`.
+    """
     shapes: dict[int, Shape] = {}
+    freed: set[int] = set()
     for group in _groups(outline):
-        start = []
-        for place in group:
-            fit = fit_line if outline.runs[place].kind == LINE else fit_circle
-            found = fit(outline.vertices(place))
-            if found is None:
-                return outline.freed({place})
-            start.append(Shape(found))
-        links = [
-            (index, (index + 1) % len(group))
-            for index, place in enumerate(group)
-            if outline.linked(place)
-        ]
         anchors = [
             (index, point)
             for index, place in enumerate(group)
             for point in _anchors(outline, place)
         ]
-        found_shapes: list[Shape] | None = start
-        if links or anchors:
-            data = [outline.vertices(place) for place in group]
-            found_shapes = fit_together(start, data, links, anchors)
-        if found_shapes is None:
+        linked = [outline.linked(place) for place in group]
+        key = np.array([outline.runs[place].kind for place in group] + linked).tobytes()
+        key += b"".join(outline.vertices(place)[[0, -1]].tobytes() for place in group)
+        key += b"".join(np.append(point, index).tobytes() for index, point in anchors)
+        if key not in known:
+            known[key] = _fitted(outline, group, linked, anchors)
+        found = known[key]
+        if found is None:
             arcs = [place for place in group if outline.runs[place].kind == ARC]
             few = sorted(arcs, key=lambda place: len(outline.vertices(place)))
-            return outline.freed({few[0]} if few else set(group))
-        shapes |= dict(zip(group, found_shapes, strict=True))
-    return shapes
+            freed |= {few[0]} if few else set(group)
+            continue
+        shapes |= dict(zip(group, found, strict=True))
+    return outline.freed(freed) if freed else shapes
+
+
+def _fitted(
+    outline: Outline, group: list[int], linked: list[bool], anchors: list[tuple[int, FloatArray]]
+) -> list[Shape] | None:
+    """Return the shapes of runs that touch, None if there are none."""
+    data = [outline.vertices(place) for place in group]
+    start = []
+    for place, points in zip(group, data, strict=True):
+        found = (fit_line if outline.runs[place].kind == LINE else fit_circle)(points)
+        if found is None:
+            return None
+        start.append(Shape(found))
+    links = [(index, (index + 1) % len(group)) for index, touches in enumerate(linked) if touches]
+    return fit_together(start, data, links, anchors) if links or anchors else start
 
 
 def _reassigned(outline: Outline, shapes: dict[int, Shape]) -> Outline | None:

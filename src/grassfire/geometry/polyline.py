@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from grassfire.errors import GeometryError
 from grassfire.geometry.curve import Curve, FloatArray, cross, dot, frozen_array
+from grassfire.geometry.flatten import flatten_parameters
 from grassfire.geometry.line import Line
 from grassfire.geometry.loop import Loop
 from grassfire.geometry.outline import Outline, curves_of
@@ -29,8 +30,8 @@ from grassfire.geometry.runs import (
     chord_turns,
     corners,
     next_run,
-    noise_level,
     recognise,
+    stride_over_noise,
 )
 from grassfire.geometry.selfcrossing import first_crossing
 
@@ -40,6 +41,10 @@ NEAR = 0.001
 """Share of the tolerance within which two vertices are one."""
 NOISE_SHARE = 4.0
 """Standard deviations of the noise within which vertices lie from their curve."""
+ACCURACY = 0.01
+"""Share of the tolerance to which the distance of vertices from the result is measured."""
+STRIDES = 3
+"""How many steps along noisy vertices are tried."""
 FAIR_SHARE = 0.05
 """Share of the tolerance within which splines follow exact data."""
 
@@ -83,8 +88,7 @@ def fit_polyline(
     """
     _check_arguments(tolerance, corner_angle)
     chain = _cleaned(frozen_array(points, (None, 2), "a polyline"), tolerance, closed=True)
-    outline = _planned(chain, tolerance, corner_angle, closed=True)
-    curves = curves_of(outline)
+    curves = _fitted(chain, tolerance, corner_angle, True, (None, None))
     _check_crossings(curves, tolerance, closed=True)
     return Loop(tuple(curves))
 
@@ -113,12 +117,11 @@ def fit_open_polyline(
     """
     _check_arguments(tolerance, corner_angle)
     chain = _cleaned(frozen_array(points, (None, 2), "a polyline"), tolerance, closed=False)
-    outline = _planned(chain, tolerance, corner_angle, closed=False)
     ends = tuple(
         None if given is None else frozen_array(given, (2,), "a tangent")
         for given in (start_tangent, end_tangent)
     )
-    curves = curves_of(replace(outline, tangents=(ends[0], ends[1])))
+    curves = _fitted(chain, tolerance, corner_angle, False, (ends[0], ends[1]))
     _check_crossings(curves, tolerance, closed=False)
     return tuple(curves)
 
@@ -243,9 +246,52 @@ def _check_crossings(curves: Sequence[Curve], tolerance: float, closed: bool) ->
         )
 
 
-def _planned(chain: FloatArray, tolerance: float, corner_angle: float, closed: bool) -> Outline:
+def _fitted(
+    chain: FloatArray,
+    tolerance: float,
+    corner_angle: float,
+    closed: bool,
+    tangents: tuple[FloatArray | None, FloatArray | None],
+) -> list[Curve]:
+    """Return the curves for a chain, looked at in steps that are long against its noise."""
     vertices = chain[:-1] if closed else chain
-    noise = min(noise_level(vertices, closed), 0.5 * tolerance)
+    stride, noise = stride_over_noise(vertices, closed, 0.5 * tolerance)
+    for _ in range(STRIDES):
+        # The last vertex takes the place of one that may be next to it.
+        some = np.concatenate([chain[: len(chain) - stride : stride], chain[-1:]])
+        outline = _planned(some, tolerance, corner_angle, closed, noise)
+        curves = curves_of(replace(outline, tangents=tangents))
+        if stride == 1 or _farthest(curves, vertices, tolerance) <= tolerance:
+            return curves
+        stride //= 2
+    return [Line(first, last) for first, last in pairwise(chain)]
+
+
+def _farthest(curves: Sequence[Curve], points: FloatArray, tolerance: float) -> float:
+    """Return a bound above the distances of points (m, 2) from curves, close below `tolerance`."""
+    accuracy = ACCURACY * tolerance
+    samples = []
+    for curve in curves:
+        even = np.linspace(0.0, 1.0, int(np.ceil(curve.length(accuracy) / tolerance)) + 2)
+        t = np.union1d(even, flatten_parameters(curve, accuracy))
+        samples.append(curve.point(t))
+    rows = np.concatenate(samples)
+    from scipy.spatial import cKDTree
+
+    nearest = cKDTree(rows).query(points)[1]
+    off = np.full(len(points), np.inf)
+    for other in (np.maximum(nearest - 1, 0), np.minimum(nearest + 1, len(rows) - 1)):
+        change, spoke = rows[other] - rows[nearest], points - rows[nearest]
+        share = dot(spoke, change) / np.maximum(dot(change, change), 1e-300)
+        foot = np.clip(share, 0.0, 1.0)[:, None] * change
+        off = np.minimum(off, np.hypot(*(spoke - foot).T))
+    return float(off.max()) + accuracy
+
+
+def _planned(
+    chain: FloatArray, tolerance: float, corner_angle: float, closed: bool, noise: float
+) -> Outline:
+    vertices = chain[:-1] if closed else chain
     corner = corners(vertices, closed, tolerance, corner_angle, noise)
     threshold = float(np.clip(NOISE_SHARE * noise, TIGHT * tolerance, 0.95 * tolerance))
     target = float(np.clip(NOISE_SHARE * noise, FAIR_SHARE * tolerance, 0.95 * tolerance))

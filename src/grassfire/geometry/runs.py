@@ -14,9 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grassfire.geometry.curve import FloatArray, cross, dot
+from grassfire.geometry.tangency import fit_circle, fit_line, off_circle, off_line
 
 ARM = 12.0
 """Least length of the arms that measure a turn, in standard deviations of the noise."""
+SPACING = 8.0
+"""Least distance of the vertices that are looked at, in standard deviations of the noise."""
+FEWEST_SPACED = 200
+"""Vertices of which none are left out."""
 WINDOWS = 5000
 """Groups of neighbours that the noise is measured at."""
 WEAK_CORNER = 0.1
@@ -68,6 +73,23 @@ def noise_level(points: FloatArray, closed: bool) -> float:
     curve count. Neighbours with a chord much longer than the others are left out.
     """
     return min(_differences(points, closed, width) for width in (5, 7, 9))
+
+
+def stride_over_noise(points: FloatArray, closed: bool, most: float) -> tuple[int, float]:
+    """Return every how manieth vertex to take so that noise does not hide the direction, and the
+    standard deviation of the noise, at most `most`.
+
+    Vertices closer together than their noise go to and fro: neither their turns nor lengths
+    along them mean anything.
+    """
+    stride = 1
+    while True:
+        some = points[::stride]
+        noise = min(noise_level(some, closed), most)
+        step = float(np.median(np.hypot(*np.diff(some, axis=0).T)))
+        if step >= SPACING * noise or len(some) < FEWEST_SPACED:
+            return stride, noise
+        stride *= 2
 
 
 def _differences(points: FloatArray, closed: bool, width: int) -> float:
@@ -123,8 +145,11 @@ def turns(points: FloatArray, reach: float, closed: bool) -> tuple[FloatArray, F
     high = np.searchsorted(length, length[index] + reach - slack, side="left")
     low = np.clip(np.minimum(low, index - 1), 0, None)
     high = np.clip(np.maximum(high, index + 1), None, len(chain) - 1)
-    before = _direction(chain, low, index)
-    after = _direction(chain, index, high)
+    x, y = chain.T
+    sums = np.zeros((len(chain) + 1, 5))
+    np.cumsum(np.stack([x, y, x * x, x * y, y * y], axis=1), axis=0, out=sums[1:])
+    before = _direction(chain, sums, low, index)
+    after = _direction(chain, sums, index, high)
     arms = np.stack([length[index] - length[low], length[high] - length[index]], axis=1)
     turn = np.arctan2(cross(before, after), dot(before, after))
     if not closed:
@@ -132,23 +157,22 @@ def turns(points: FloatArray, reach: float, closed: bool) -> tuple[FloatArray, F
     return np.asarray(turn), arms
 
 
-def _direction(chain: FloatArray, low: NDArray[np.int64], high: NDArray[np.int64]) -> FloatArray:
-    """Return principal directions (m, 2), from low to high, of the vertices low..high."""
+def _direction(
+    chain: FloatArray, sums: FloatArray, low: NDArray[np.int64], high: NDArray[np.int64]
+) -> FloatArray:
+    """Return principal directions (m, 2), from low to high, of the vertices low..high.
+
+    `sums` has the sums of x, y, xx, xy, yy of the vertices before each.
+    """
     chord = chain[high] - chain[low]
     many = high - low > 1
     if np.any(many):
-        x, y = chain.T
-        table = np.stack([x, y, x * x, x * y, y * y], axis=1)
-        sums = np.concatenate([np.zeros((1, 5)), np.cumsum(table, axis=0)])
-        size = (high - low + 1)[many]
-        mean = (sums[high + 1] - sums[low])[many] / size[:, None]
-        xx = mean[:, 2] - mean[:, 0] ** 2
-        xy = mean[:, 3] - mean[:, 0] * mean[:, 1]
-        yy = mean[:, 4] - mean[:, 1] ** 2
-        angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
+        size = np.maximum(high - low + 1, 1)
+        x, y, xx, xy, yy = (sums[high + 1] - sums[low]).T / size
+        angle = 0.5 * np.arctan2(2.0 * (xy - x * y), (xx - x * x) - (yy - y * y))
         axis = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        sign = np.where(dot(axis, chord[many]) < 0.0, -1.0, 1.0)
-        chord[many] = axis * sign[:, None]
+        axis *= np.where(dot(axis, chord) < 0.0, -1.0, 1.0)[:, None]
+        chord = np.where(many[:, None], axis, chord)
     return np.asarray(chord)
 
 
@@ -165,7 +189,7 @@ def corners(
     strong = (size >= corner_angle) & (short * size > ROUNDING * tolerance)
     # What the vertices beside one foretell: half of each arm bends as its far side does.
     rate = np.where(strong, 0.0, size / (0.5 * arms.sum(axis=1)))
-    unsure = 4.0 * noise * (1.0 / arms).sum(axis=1)
+    unsure = 4.0 * noise * (1.0 / np.maximum(arms, 1e-300)).sum(axis=1)
     foretold = 0.5 * arms[:, 0] * np.maximum(np.roll(rate, 1), np.roll(rate, 2))
     foretold += 0.5 * arms[:, 1] * np.maximum(np.roll(rate, -1), np.roll(rate, -2))
     weak = (size > WEAK_CORNER) & (size > STANDS_OUT * foretold + unsure)
@@ -244,72 +268,6 @@ def _keep_largest(found: NDArray[np.bool_], group: list[int], size: FloatArray) 
         found[group[int(np.argmax(np.round(size[group], 9)))]] = True
 
 
-def fit_line(points: FloatArray) -> FloatArray:
-    """Return (angle, offset) of the least-squares line, run from first to last point.
-
-    The line is n.x = offset with n = (-sin angle, cos angle), to its left.
-    """
-    middle = points.mean(axis=0)
-    off = points - middle
-    chord = points[-1] - points[0]
-    if len(points) == 2:
-        angle = np.arctan2(chord[1], chord[0])
-    else:
-        (xx, xy), (_, yy) = off.T @ off
-        angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
-        if np.cos(angle) * chord[0] + np.sin(angle) * chord[1] < 0.0:
-            angle += np.pi
-    normal = np.array([-np.sin(angle), np.cos(angle)])
-    return np.array([angle, float(normal @ middle)])
-
-
-def fit_circle(points: FloatArray, steps: int = 3) -> FloatArray | None:
-    """Return (x, y, radius) of the least-squares circle, radius > 0 for left turns; None for lines.
-
-    The algebraic fit (Kasa) starts Gauss-Newton steps on the distances.
-    """
-    middle = points.mean(axis=0)
-    off = points - middle
-    size = float(np.abs(off).max())
-    off = off / size
-    square = dot(off, off)
-    x, y = off.T
-    one = np.ones(len(off))
-    table = np.stack([x, y, one], axis=1)
-    normal, right = table.T @ table, table.T @ square
-    if abs(np.linalg.det(normal)) < 1e-12 * len(off) ** 3:
-        return None
-    first, second, constant = np.linalg.solve(normal, right)
-    centre = 0.5 * np.array([first, second])
-    radius = float(np.sqrt(max(constant + centre @ centre, 0.0)))
-    for _ in range(steps):
-        spoke = off - centre
-        reach = np.hypot(*spoke.T)
-        if radius > 1e4 or not reach.min() > 0.0:
-            return None
-        slope = np.stack([-spoke[:, 0] / reach, -spoke[:, 1] / reach, -one], axis=1)
-        gram = slope.T @ slope
-        if abs(np.linalg.det(gram)) < 1e-14 * len(off) ** 3 * min(1.0, radius**-4):
-            break
-        step = np.linalg.solve(gram, slope.T @ (radius - reach))
-        centre, radius = centre + step[:2], radius + float(step[2])
-    spoke = off - centre
-    sweep = np.arctan2(cross(spoke[:-1], spoke[1:]), dot(spoke[:-1], spoke[1:])).sum()
-    place = centre * size + middle
-    return np.array([place[0], place[1], np.copysign(radius * size, sweep)])
-
-
-def off_line(line: FloatArray, points: FloatArray) -> FloatArray:
-    """Return the signed distances (m,) to the left of a line (angle, offset)."""
-    return np.asarray(points @ np.array([-np.sin(line[0]), np.cos(line[0])]) - line[1])
-
-
-def off_circle(circle: FloatArray, points: FloatArray) -> FloatArray:
-    """Return the signed distances (m,) to the left of a circle (x, y, signed radius)."""
-    reach = np.hypot(points[:, 0] - circle[0], points[:, 1] - circle[1])
-    return np.asarray(circle[2] - np.copysign(reach, circle[2]))
-
-
 def _on_line(points: FloatArray, threshold: float) -> bool:
     if len(points) == 2:
         return True
@@ -333,47 +291,56 @@ def _on_circle(points: FloatArray, threshold: float) -> bool:
     return forward and float(step.max()) < 0.5 * np.pi and float(step.sum()) < 2.0 * np.pi + 1e-6
 
 
+def _on_flat_circle(points: FloatArray, threshold: float) -> bool:
+    """Return whether points lie on a circle, be it one too flat to be fitted."""
+    return _on_circle(points, threshold) or _on_line(points, threshold)
+
+
 def longest_run(
     points: FloatArray,
     first: int,
     smallest: int,
     fits: Callable[[FloatArray, float], bool],
     threshold: float,
+    guess: int = 0,
 ) -> int:
     """Return the last vertex of a long run from `first`, or `first` if `smallest` do not fit.
 
-    By doubling and bisection: as if longer runs never fit where a shorter one does not.
+    By steps that double, from `guess` chords on, and bisection: as if longer runs never fit where
+    a shorter one does not.
     """
     last = len(points) - 1
     good = first + smallest - 1
     if good > last or not fits(points[first : good + 1], threshold):
         return first
-    reach = smallest
-    while good < last:
-        trial = min(first + 2 * reach, last)
-        if not fits(points[first : trial + 1], threshold):
-            break
-        good, reach = trial, trial - first
-    else:
-        return good
-    bad = trial
+    bad, trial = last + 1, min(max(first + guess, good + 1), last)
+    step = max(1, (trial - first) // 16)
     while bad - good > 1:
-        middle = (good + bad) // 2
-        if fits(points[first : middle + 1], threshold):
-            good = middle
+        if fits(points[first : trial + 1], threshold):
+            good, trial = trial, trial + step
         else:
-            bad = middle
+            bad, trial = trial, trial - step
+        step *= 2
+        if not good < trial < bad:
+            # Between the two, unless nothing is known yet of what lies beyond.
+            trial = (good + bad) // 2 if bad <= last else last
     return good
 
 
-def next_run(points: FloatArray, first: int, threshold: float) -> Run:
-    """Return the line or arc that starts at vertex `first` and runs furthest."""
-    last_on_line = longest_run(points, first, 2, _on_line, threshold)
-    last_on_arc = longest_run(points, first, FEWEST_OF_ARC, _on_circle, threshold)
+def next_run(points: FloatArray, first: int, threshold: float, guess: int = 0) -> Run:
+    """Return the line or arc that starts at vertex `first` and runs furthest.
+
+    The search for an arc starts at `guess` chords.
+    """
+    last_on_arc = longest_run(points, first, FEWEST_OF_ARC, _on_flat_circle, threshold, guess)
     # Lines are flat arcs too: an arc has to reach further than chance would let it.
-    if last_on_arc > last_on_line + max(1, (last_on_line - first) // 8):
+    chords = last_on_arc - first
+    enough = max(chords - max(1, chords // 9) - 1, 1)
+    while enough + max(1, enough // 8) < chords:
+        enough += 1
+    if chords > 0 and not _on_line(points[first : first + enough + 1], threshold):
         return Run(ARC, first, last_on_arc)
-    return Run(LINE, first, last_on_line)
+    return Run(LINE, first, longest_run(points, first, 2, _on_line, threshold, enough))
 
 
 def recognise(
@@ -392,10 +359,10 @@ def recognise(
     """
     last = len(points) - 1
     greedy: list[Run] = []
-    first = 0
+    first = guess = 0
     while first < last:
-        greedy.append(next_run(points, first, threshold))
-        first = greedy[-1].last
+        greedy.append(next_run(points, first, threshold, guess))
+        guess, first = greedy[-1].last - first, greedy[-1].last
     greedy = _merged(points, greedy, min(1.25 * threshold, 0.95 * tolerance))
     if not closed:
         greedy = _from_ragged_start(points, greedy, min(1.25 * threshold, 0.95 * tolerance))

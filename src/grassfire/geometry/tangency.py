@@ -1,4 +1,4 @@
-"""Lines and circles fitted together, tangent to their neighbours and through given points.
+"""Lines and circles fitted alone or together, tangent to neighbours and through given points.
 
 Gauss-Newton steps on the distances of the vertices, under equality constraints:
 
@@ -19,14 +19,81 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from grassfire.geometry.curve import FloatArray
-from grassfire.geometry.runs import off_circle, off_line
+from grassfire.geometry.curve import FloatArray, cross, dot
 
 STEPS = 25
 DENSE = 150
 """Unknowns up to which full matrices are faster than sparse ones."""
 DAMPING = 1e-12
 """Share of the largest entry of J'J added to its diagonal."""
+REGULARITY = 1e-14
+"""Subtracted from the diagonal of the constraints."""
+
+
+def fit_line(points: FloatArray) -> FloatArray:
+    """Return (angle, offset) of the least-squares line, run from first to last point.
+
+    The line is n.x = offset with n = (-sin angle, cos angle), to its left.
+    """
+    middle = points.mean(axis=0)
+    off = points - middle
+    chord = points[-1] - points[0]
+    if len(points) == 2:
+        angle = np.arctan2(chord[1], chord[0])
+    else:
+        (xx, xy), (_, yy) = off.T @ off
+        angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
+        if np.cos(angle) * chord[0] + np.sin(angle) * chord[1] < 0.0:
+            angle += np.pi
+    normal = np.array([-np.sin(angle), np.cos(angle)])
+    return np.array([angle, float(normal @ middle)])
+
+
+def fit_circle(points: FloatArray, steps: int = 3) -> FloatArray | None:
+    """Return (x, y, radius) of the least-squares circle, radius > 0 for left turns; None for lines.
+
+    The algebraic fit (Kasa) starts Gauss-Newton steps on the distances.
+    """
+    middle = points.mean(axis=0)
+    off = points - middle
+    size = float(np.abs(off).max())
+    off = off / size
+    square = dot(off, off)
+    x, y = off.T
+    one = np.ones(len(off))
+    table = np.stack([x, y, one], axis=1)
+    normal, right = table.T @ table, table.T @ square
+    if abs(np.linalg.det(normal)) < 1e-12 * len(off) ** 3:
+        return None
+    first, second, constant = np.linalg.solve(normal, right)
+    centre = 0.5 * np.array([first, second])
+    radius = float(np.sqrt(max(constant + centre @ centre, 0.0)))
+    for _ in range(steps):
+        spoke = off - centre
+        reach = np.hypot(*spoke.T)
+        if radius > 1e4 or not reach.min() > 0.0:
+            return None
+        slope = np.stack([-spoke[:, 0] / reach, -spoke[:, 1] / reach, -one], axis=1)
+        gram = slope.T @ slope
+        if abs(np.linalg.det(gram)) < 1e-14 * len(off) ** 3 * min(1.0, radius**-4):
+            break
+        step = np.linalg.solve(gram, slope.T @ (radius - reach))
+        centre, radius = centre + step[:2], radius + float(step[2])
+    spoke = off - centre
+    sweep = np.arctan2(cross(spoke[:-1], spoke[1:]), dot(spoke[:-1], spoke[1:])).sum()
+    place = centre * size + middle
+    return np.array([place[0], place[1], np.copysign(radius * size, sweep)])
+
+
+def off_line(line: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the signed distances (m,) to the left of a line (angle, offset)."""
+    return np.asarray(points @ np.array([-np.sin(line[0]), np.cos(line[0])]) - line[1])
+
+
+def off_circle(circle: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the signed distances (m,) to the left of a circle (x, y, signed radius)."""
+    reach = np.hypot(points[:, 0] - circle[0], points[:, 1] - circle[1])
+    return np.asarray(circle[2] - np.copysign(reach, circle[2]))
 
 
 @dataclass(frozen=True)
@@ -190,23 +257,46 @@ def _step(
         blocks.append(slope.T @ slope)
         right[starts[place] : starts[place + 1]] = -slope.T @ shape.off(points)
     right[total:] = -np.array(constraints.value)
-    square = sparse.block_diag(blocks)
-    square = square + DAMPING * float(np.abs(square.diagonal()).max()) * sparse.eye(total)
-    bound = sparse.coo_matrix((count, total))
-    if count:
-        where = (np.concatenate(constraints.row), np.concatenate(constraints.column))
-        bound = sparse.coo_matrix((np.concatenate(constraints.entry), where), (count, total))
-    # Two constraints that say the same would be singular: a trace of regularity.
-    corner = -1e-14 * sparse.eye(count) if count else None
-    system = sparse.bmat([[square, bound.T], [bound, corner]]) if count else square
+    trace = DAMPING * max(float(block.diagonal().max()) for block in blocks)
     try:
         if len(right) <= DENSE:
-            step = np.linalg.solve(system.toarray(), right)[:total]
+            system = _dense_system(starts, blocks, trace, constraints)
+            step = np.linalg.solve(system, right)[:total]
         else:
-            step = splu(sparse.csc_matrix(system)).solve(right)[:total]
+            sparse_system = _sparse_system(total, blocks, trace, constraints)
+            step = splu(sparse_system).solve(right)[:total]
     except (RuntimeError, np.linalg.LinAlgError):
         return None
     return step if np.abs(step).max() < 1e3 * max(size, 1.0) else None
+
+
+def _dense_system(
+    starts: NDArray[np.int64], blocks: list[FloatArray], trace: float, constraints: _Rows
+) -> FloatArray:
+    total, count = int(starts[-1]), len(constraints.value)
+    system = np.zeros((total + count, total + count))
+    for first, last, block in zip(starts[:-1], starts[1:], blocks, strict=True):
+        system[first:last, first:last] = block
+    diagonal = np.arange(total + count)
+    # Two constraints that say the same would be singular: a trace of regularity.
+    system[diagonal, diagonal] += np.where(diagonal < total, trace, -REGULARITY)
+    if count:
+        row, column = np.concatenate(constraints.row) + total, np.concatenate(constraints.column)
+        system[row, column] = system[column, row] = np.concatenate(constraints.entry)
+    return system
+
+
+def _sparse_system(
+    total: int, blocks: list[FloatArray], trace: float, constraints: _Rows
+) -> sparse.csc_matrix:
+    count = len(constraints.value)
+    square = sparse.block_diag(blocks) + trace * sparse.eye(total)
+    if not count:
+        return sparse.csc_matrix(square)
+    where = (np.concatenate(constraints.row), np.concatenate(constraints.column))
+    bound = sparse.coo_matrix((np.concatenate(constraints.entry), where), (count, total))
+    corner = -REGULARITY * sparse.eye(count)
+    return sparse.csc_matrix(sparse.bmat([[square, bound.T], [bound, corner]]))
 
 
 def touching_point(first: Shape, second: Shape) -> FloatArray:

@@ -391,7 +391,10 @@ def _certified(region: Region, tol: float, angular_tolerance: float) -> MedialAx
 
 
 def _compute(
-    region: Region, tol: float, angular_tolerance: float, attempt: tuple[int, float, float, float, float]
+    region: Region,
+    tol: float,
+    angular_tolerance: float,
+    attempt: tuple[int, float, float, float, float],
 ) -> MedialAxis:
     density, widening, least_fan, blur, share = attempt
     turn = widening * _smooth_angle(region, tol, angular_tolerance)

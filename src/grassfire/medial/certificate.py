@@ -16,12 +16,12 @@ from grassfire.geometry.chebyshev import (
     differentiate_values,
     interpolate_to_bezier,
 )
-from grassfire.medial.edges import NODES, TOP, Fit, evaluate_span, motion
+from grassfire.medial.edges import NODES, TOP, Fit, Span, evaluate_span, motion
 from grassfire.medial.graph import Graph
+from grassfire.medial.nodes import WHOLE
 from grassfire.medial.recover import envelope, jets
 from grassfire.medial.search import BoundarySearch
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, dot
-from grassfire.medial.topology import WHOLE
 
 _PROBES = np.array([0.09, 0.34, 0.66, 0.91])
 """Between the Chebyshev points of all degrees."""
@@ -31,6 +31,12 @@ _FEW = np.array([0.21, 0.79])
 
 _COMMON = 2.0
 """Tolerances by which eqs. (8) and (9) may be off: one for the centre and one for the radius."""
+
+_EXHAUSTIVE = 20_000
+"""Disks up to which every one is compared with the whole boundary; of more, so many are."""
+
+_SLACK = 1e-3
+"""Share of the tolerance by which that search may overrate a distance."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +56,11 @@ class Certificate:
     area_error : float
         Difference between the area of the region and that of the disks' cells, mm^2.
     max_disk_error : float
-        Largest difference between r* and the distance of c* to the whole boundary, mm.
+        Largest difference between r* and the distance of c* to the boundary, mm. Of up to 20,000
+        disks (vertices and places on the edges) each is compared with the whole boundary. Of more,
+        20,000 are, evenly spread; all of them are compared with their own feet on both sides,
+        and no other site can be nearer because the spokes are found to cover the region once:
+        see "The certificate" in docs/theory.md.
     euler : bool
         Whether vertices - edges = 1 - holes and the axis is connected.
     """
@@ -75,7 +85,8 @@ def certify(
     (two between lines, arcs and points); lines and parabolas, which touch both of their sites all
     along, at their middle. A site that
     reached into disks between these places would be counted twice by the area identity. Eqs. (8)
-    and (9) must hold at the same places on both sides.
+    and (9) must hold at the same places on both sides. Of more than 20,000 disks so many are
+    compared with the whole boundary, and that the others are empty follows from the cells.
 
     Raises
     ------
@@ -91,15 +102,10 @@ def certify(
     limit = _COMMON * tolerance
     _demand(sites, disks, interpolation, limit, "a disk of the medial axis misses its site")
     _demand(sites, disks, same, limit, "the recovered boundary is off")
-    centre = np.concatenate([fit.vertex_centre, disks[:, :2]])
-    radius = np.concatenate([fit.vertex_radius, disks[:, 2]])
-    nearest = search.nearest(centre)[0]
-    # Feet on the sites of the piece are boundary points as well: next to centres of curvature,
-    # where distances are flat, they are known better than what a search finds.
-    inner = nearest[len(fit.vertex_radius) :]
-    np.minimum(inner, feet.min(axis=0), out=inner)
-    away = np.abs(nearest - radius)
-    every = np.concatenate([centre, radius[:, None]], axis=1)
+    every, away = _disk_errors(sites, search, fit, disks, feet, tolerance)
+    if len(every) > _EXHAUSTIVE:
+        _demand_chain(sites, graph, tolerance)
+        _demand_orientation(sites, fit, row, fraction, disks, limit)
     _demand(sites, every, away, tolerance, "a disk of the medial axis is off")
     left, right = envelope(disks, first, second, fraction)
     seen = _seen(sites, fit, row, disks, left - right)
@@ -128,6 +134,31 @@ def _demand(sites: Sites, disks: FloatArray, error: FloatArray, limit: float, me
     if not error[worst] <= limit:
         place = tuple(disks[worst, :2] + sites.origin)
         raise GeometryError(f"{message} by {error[worst]:.3g} mm", place=place)
+
+
+def _disk_errors(
+    sites: Sites,
+    search: BoundarySearch,
+    fit: Fit,
+    disks: FloatArray,
+    feet: FloatArray,
+    tolerance: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Disks (n, 3) at the vertices and at places (k, 3), and what their radii are off by, (n,).
+
+    Feet (2, k) on the sites of a piece are boundary points as well: next to centres of curvature,
+    where distances are flat, they are known better than what a search finds.
+    """
+    vertices = np.concatenate([fit.vertex_centre, fit.vertex_radius[:, None]], axis=1)
+    every = np.concatenate([vertices, disks])
+    nearest = np.concatenate([np.full(len(vertices), np.inf), feet.min(axis=0)])
+    chosen = np.arange(len(every))
+    if len(every) > _EXHAUSTIVE:
+        nearest[: len(vertices)] = _vertex_distance(sites, fit, tolerance)
+        chosen = np.linspace(0, len(every) - 1, _EXHAUSTIVE).astype(np.int64)
+    found = search.nearest(every[chosen, :2], slack=_SLACK * tolerance)[0]
+    nearest[chosen] = np.minimum(nearest[chosen], found)
+    return every, np.abs(nearest - every[:, 2])
 
 
 def _euler(region: Region, fit: Fit) -> bool:
@@ -160,6 +191,77 @@ def _facing(fit: Fit, row: IntArray, fraction: FloatArray) -> FloatArray:
     """(n,) contacts on the partners, interpolated."""
     table = interpolate_to_bezier(fit.facing[..., None])[..., 0]
     return np.asarray(np.einsum("ij,ij->i", bernstein(TOP, fraction), table[row]))
+
+
+# -- cells that cover the region once -------------------------------------------------------------
+
+
+def _vertex_distance(sites: Sites, fit: Fit, tolerance: float) -> FloatArray:
+    """Distances of the vertices from the nearest of the sites that their pieces touch, (v,).
+
+    Raises
+    ------
+    GeometryError
+        A piece that ends in a vertex whose disk misses one of its sites.
+    """
+    span = fit.span
+    vertex = np.concatenate([span.first, span.last, span.first, span.last])
+    site = np.concatenate([span.site, span.site, span.partner, span.partner])
+    hint = np.concatenate([span.start, span.end, span.facing_start, span.facing_end])
+    distance = _distance(sites, site, fit.vertex_centre[vertex], hint)
+    disks = np.concatenate([fit.vertex_centre, fit.vertex_radius[:, None]], axis=1)[vertex]
+    missed = np.abs(distance - disks[:, 2])
+    message = "a disk of the medial axis misses a site at its vertex"
+    _demand(sites, disks, missed, _COMMON * tolerance, message)
+    nearest = np.full(len(fit.vertex_radius), np.inf)
+    np.minimum.at(nearest, vertex, distance)
+    return nearest
+
+
+def _demand_chain(sites: Sites, graph: Graph, tolerance: float) -> None:
+    """Raise where the intervals leave some of the boundary out, or their spokes jump.
+
+    Along every loop each interval starts where the one before ended, at the same vertex.
+    """
+    loop = sites.loop[graph.site]
+    final = np.append(loop[1:] != loop[:-1], True)
+    after = np.arange(len(loop)) + 1
+    after[final] = np.flatnonzero(np.append(True, final[:-1]))
+    inside = ~final & (graph.site[after] == graph.site)
+    goal = np.where(inside, graph.start[after], sites.high[graph.site])
+    rest = np.abs(goal - graph.end) * sites.speed(graph.site, graph.end, graph.last_radius)
+    head = np.where(inside[np.argsort(after)], 0.0, np.abs(graph.start - sites.low[graph.site]))
+    rest += head * sites.speed(graph.site, graph.start, graph.first_radius)
+    jump = (graph.last != graph.first[after]) | (
+        ~inside & (sites.following[graph.site] != graph.site[after])
+    )
+    rest[jump] = np.inf
+    if len(np.unique(loop)) <= sites.loop.max():
+        raise GeometryError("a loop of the boundary has no medial axis", place=tuple(sites.origin))
+    disks = np.concatenate([graph.last_centre, graph.last_radius[:, None]], axis=1)
+    _demand(sites, disks, rest, tolerance, "the cells of the medial axis leave boundary out")
+
+
+def _demand_orientation(
+    sites: Sites, fit: Fit, row: IntArray, fraction: FloatArray, disks: FloatArray, limit: float
+) -> None:
+    """Raise where a cell is turned over: an interval runs backwards or 1 - k r is negative."""
+    span, places = fit.span, fit.span.take(row)
+    back = np.maximum(span.start - span.end, span.facing_end - span.facing_start)
+    parameter = places.start + (places.end - places.start) * fraction
+    for site, at, disk in (
+        (span.site, span.start, span.first_disk),
+        (span.site, span.end, span.last_disk),
+        (span.partner, span.facing_start, span.far_first),
+        (span.partner, span.facing_end, span.far_last),
+        (places.site, parameter, disks),
+        (places.partner, _facing(fit, row, fraction), disks),
+    ):
+        _, _, curvature = sites.frame(site, at)
+        beyond = disk[:, 2] - 1 / np.maximum(curvature, 1e-300)
+        message = "a disk of the medial axis passes the centre of curvature of its site"
+        _demand(sites, disk, beyond, limit + 1e-9 * sites.size, message)
+    _demand(sites, span.first_disk, back, 0.0, "a cell of the medial axis is turned over")
 
 
 # -- eqs. (8) and (9) -----------------------------------------------------------------------------
@@ -306,23 +408,40 @@ def _both_sides(
     far = np.where(point, 0.5 * radius * moved * length, far * pace)
     rough = np.flatnonzero(_rough(sites, fit, rows, tolerance) & ~point[:, 0])
     if len(rough):
-        other = span.take(rough).swapped()
-        disks, _ = evaluate_span(sites, other, NODES[chosen])
-        reach = np.nan_to_num(disks[..., 2], posinf=0.0)
-        there, _ = _density(sites, other.site, other.parameter(NODES[chosen]), reach)
-        far[rough] = there * (other.end - other.start)[:, None]
-    return float(np.sum((near * length + far) @ weight))
+        far[rough] = 0.0
+    total = float(np.sum((near * length + far) @ weight))
+    return total + (_graded(sites, span.take(rough).swapped()) if len(rough) else 0.0)
+
+
+def _graded(sites: Sites, span: Span) -> float:
+    """Cells along pieces whose radius may change at once next to an end.
+
+    Quadrature by the substitution tanh(pi/2 sinh(x)), whose points crowd to both ends (Takahasi
+    and Mori 1974): beside an arc that is nearly an arc of contact r comes up from a corner within
+    a sliver of it.
+    """
+    place = np.linspace(-3.2, 3.2, 65)
+    inner = 0.5 * np.pi * np.sinh(place)
+    fraction = 1.0 / (1.0 + np.exp(-2.0 * inner))
+    weight = 0.1 * 0.25 * np.pi * np.cosh(place) / np.cosh(inner) ** 2
+    disks, _ = evaluate_span(sites, span, fraction)
+    reach = np.nan_to_num(disks[..., 2], posinf=0.0)
+    density, _ = _density(sites, span.site, span.parameter(fraction), reach)
+    return float(np.sum((density @ weight) * (span.end - span.start)))
 
 
 def _rough(sites: Sites, fit: Fit, rows: IntArray, tolerance: float) -> BoolArray:
     """(k,) whether the contact of a piece is resolved worse than the piece itself.
 
-    So it is where the partner's centre of curvature comes close to the axis.
+    So it is where the partner's centre of curvature comes close to the axis. Where it is not
+    even resolved as to its direction it runs to and fro.
     """
     span = fit.span.take(rows)
+    astray = np.any(np.diff(fit.facing[rows], axis=1) > 1e-9, axis=1)
     tail = np.abs(coefficients(fit.facing[rows][..., None])[:, -2:, 0]).sum(axis=1)
     middle = 0.5 * (span.facing_start + span.facing_end)
-    return np.asarray(tail * sites.speed(span.partner, middle, span.first_disk[:, 2]) > tolerance)
+    unresolved = tail * sites.speed(span.partner, middle, span.first_disk[:, 2]) > tolerance
+    return np.asarray(unresolved | astray)
 
 
 def _density(
@@ -332,9 +451,8 @@ def _density(
     shape = parameter.shape
     owner, flat = np.repeat(site, shape[1]), parameter.ravel()
     reach = radius.ravel()
-    moved, curvature = motion(sites, owner, flat, reach)
+    moved, curvature, speed = motion(sites, owner, flat, reach)
     point = sites.kind[owner] == SiteKind.POINT
     bend = np.where(point, 0.0, curvature)
     share = np.where(point, 0.5 * reach, reach - bend * reach**2 / 2)
-    speed = sites.speed(owner, flat, reach)
     return (share * speed).reshape(shape), moved.reshape(shape)

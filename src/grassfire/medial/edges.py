@@ -217,15 +217,16 @@ def evaluate_span(
 
 def motion(
     sites: Sites, site: IntArray, parameter: FloatArray, radius: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """How the centre of a maximal disk moves across its normal, and curvatures, each (n,).
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """How the centre of a maximal disk moves across its normal, curvatures, and speeds, each (n,).
 
     The centre is c = p + r n with n' = -k p', so that dc = (1 - k r) dp + n dr: per unit of
-    parameter |p'| (1 - k r), and r times the turn of the normal at a reflex corner.
+    parameter |p'| (1 - k r), and r times the turn of the normal at a reflex corner. The speed is
+    |p'|, or that of the end of the normal at the radius in a fan.
     """
-    first = sites.derivatives(site, parameter, 1)[1]
-    _, _, curvature = sites.frame(site, parameter)
-    point = sites.kind[site] == SiteKind.POINT
-    bend = np.where(point, 0.0, curvature)
-    along = np.hypot(first[:, 0], first[:, 1]) * (1 - bend * radius)
-    return np.where(point, np.abs(sites.extent[site, 1]) * radius, along), curvature
+    _, _, curvature, speed = sites.moving_frame(site, parameter)
+    point = np.flatnonzero(sites.kind[site] == SiteKind.POINT)
+    moved = speed * (1 - np.where(np.isfinite(curvature), curvature, 0.0) * radius)
+    speed[point] = np.abs(sites.extent[site[point], 1]) * radius[point]
+    moved[point] = speed[point]
+    return moved, curvature, speed

@@ -8,7 +8,7 @@ not use, the highest at points of its own. The contacts stay in `Fit`, for the c
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import lru_cache
 
 import numpy as np
@@ -26,12 +26,24 @@ from grassfire.medial.edges import (
     motion,
 )
 from grassfire.medial.graph import Graph
-from grassfire.medial.sites import FloatArray, IntArray, SiteKind, Sites
+from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
 
 _COARSE = np.array([3, 6, 9])
 _FINE = np.array([1, 2, 4, 5, 7, 8, 10, 11])
 _CHECKS = np.sin(np.pi * (np.array([0, 3, 8, 11]) + 0.5) / (2 * TOP)) ** 2
 """Midway between Chebyshev points, where the error of the highest degree is largest."""
+
+_INNER = np.concatenate([NODES[1:-1], _CHECKS])
+"""All places of a piece at which disks may be wanted, its ends aside."""
+
+_GAIN = 12.0
+"""Factor by which halving brings down the error of a piece that is singular at an end, or more."""
+
+_DEEPEST = 5
+"""Halvings at once."""
+
+_HOPELESS = 8
+"""Halvings after which those that are left until patience ends are done at once."""
 
 _MOST_HALVES = 4
 """Open pieces per edge beyond which halving has stopped to help."""
@@ -46,16 +58,20 @@ _CHORDS = 399
 @dataclass(frozen=True)
 class _Pieces:
     """Spans with their polynomials: degree (0: none is good enough), coefficients (k, 13, 3) of
-    which the first degree + 1 count, error, contacts (k, 13) and disks (k, 13, 3) at the Chebyshev
-    points, and the largest 1 - k r at the ends (k,), which is 0 where derivatives do not matter."""
+    which the first degree + 1 count, error and the one aimed at, contacts (k, 13) and disks
+    (k, 13, 3) at the Chebyshev
+    points, the largest 1 - k r at the ends (k,), which is 0 where derivatives do not matter, and
+    how often to halve those that are not good enough, towards the start (> 0) or end (< 0)."""
 
     span: Span
     degree: IntArray
     table: FloatArray
     error: FloatArray
+    goal: FloatArray
     facing: FloatArray
     disks: FloatArray
     sharpness: FloatArray
+    grade: IntArray
 
     def take(self, index: IntArray) -> _Pieces:
         return _Pieces(
@@ -82,7 +98,7 @@ def fit_edges(
     largest: float | None = None,
     depth: int = 40,
 ) -> Fit:
-    """Interpolate every edge; halve those that no degree up to 12 brings below tolerance.
+    """Interpolate every edge; cut those that no degree up to 12 brings below tolerance.
 
     Parameters
     ----------
@@ -103,19 +119,15 @@ def fit_edges(
     done: list[_Pieces] = []
     joints = [np.concatenate([graph.vertex_centre, graph.vertex_radius[:, None]], axis=1)]
     most = _MOST_HALVES * (len(span) + 1)
+    worst = max(tolerance, largest or 0.0)
+    hint: FloatArray | None = None
+    halvings = np.zeros(len(span), dtype=np.int64)
     for level in range(depth):
-        patient = level < _PATIENCE
-        pieces = _interpolate(
-            sites, span, tolerance if patient else max(tolerance, largest or 0.0), patient
-        )
+        patient = halvings < _PATIENCE
+        pieces = _interpolate(sites, span, np.where(patient, tolerance, worst), patient, hint)
         lost = (pieces.degree == 0) & (_known_degree(sites, span) == 2)
         if level == 0 and lost.any():
-            # A parabola over a sliver of its line, beside an arc that it all but collapses on.
-            same = span.take(np.flatnonzero(lost))
-            turned = _interpolate(sites, same, max(tolerance, largest or 0.0), steady=False)
-            if not turned.degree.all():
-                turned = _interpolate(sites, same.swapped(), tolerance, patient)
-            pieces = _Pieces.join([pieces.take(np.flatnonzero(~lost)), turned])
+            pieces = _turned(sites, pieces, lost, tolerance, worst)
             span = pieces.span
         done.append(pieces.take(np.flatnonzero(pieces.degree > 0)))
         poor = np.flatnonzero(pieces.degree == 0)
@@ -124,8 +136,11 @@ def fit_edges(
         if len(poor) > most:
             place = span.first_disk[poor[0], :2] + sites.origin
             raise GeometryError("edges of the axis do not converge", place=tuple(place))
-        span, middle = _halve(sites, pieces.take(poor), sum(len(part) for part in joints))
-        joints.append(middle)
+        parts = _parts(pieces.grade[poor], halvings[poor])
+        count = sum(len(part) for part in joints)
+        span, hint, between = _split(sites, pieces.take(poor), parts, count)
+        halvings = parts.halvings
+        joints.append(between)
     else:
         place = span.first_disk[0, :2] + sites.origin
         raise GeometryError("an edge of the axis does not converge", place=tuple(place))
@@ -144,32 +159,44 @@ def fit_edges(
     )
 
 
-def _first_hint(sites: Sites, span: Span) -> FloatArray:
+def _turned(
+    sites: Sites, pieces: _Pieces, lost: BoolArray, tolerance: float, worst: float
+) -> _Pieces:
+    """Parabolas over slivers of their line, beside arcs that they all but collapse on."""
+    same = pieces.span.take(np.flatnonzero(lost))
+    goal, steady = np.full(len(same), worst), np.zeros(len(same), dtype=bool)
+    turned = _interpolate(sites, same, goal, steady)
+    if not turned.degree.all():
+        turned = _interpolate(sites, same.swapped(), np.full(len(same), tolerance), ~steady)
+    return _Pieces.join([pieces.take(np.flatnonzero(~lost)), turned])
+
+
+def _ends(sites: Sites, span: Span) -> tuple[FloatArray, FloatArray]:
+    """Motion of the centre and 1 - k r (0 at corners) at the ends, (4, k): own ends, then facing."""
+    site = np.concatenate([span.site, span.site, span.partner, span.partner])
+    parameter = np.concatenate([span.start, span.end, span.facing_start, span.facing_end])
+    radius = np.tile(np.concatenate([span.first_disk[:, 2], span.last_disk[:, 2]]), 2)
+    moved, curvature, _ = motion(sites, site, parameter, radius)
+    bend = np.where(np.isfinite(curvature), curvature, 0.0)
+    return moved.reshape(4, -1), (1 - bend * radius).reshape(4, -1)
+
+
+def _first_hint(span: Span, moved: FloatArray) -> FloatArray:
     """(k, 3) contacts expected at the coarse points: the cubic with the right slopes at the ends.
 
-    Both contacts see the same motion of the centre, ds (1 - k r) across their normals.
+    Both contacts see the same motion of the centre, ds (1 - k r) across their normals, `moved`.
     """
     fraction = NODES[_COARSE]
     length = span.end - span.start
     step = span.facing_end - span.facing_start
-    if not np.any(sites.kind[span.partner] == SiteKind.SPIRAL):
-        return np.asarray(span.facing_start[:, None] + step[:, None] * fraction)
-    slopes = []
-    for own, other, disk in (
-        (span.start, span.facing_start, span.first_disk),
-        (span.end, span.facing_end, span.last_disk),
-    ):
-        near, _ = motion(sites, span.site, own, disk[:, 2])
-        far, _ = motion(sites, span.partner, other, disk[:, 2])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = -near * length / (far * step)
-        # At smooth ends both vanish; beyond 3 the cubic would not be monotone.
-        ratio = np.where(np.isfinite(ratio) & (ratio > 0), ratio, 1.0)
-        slopes.append(np.minimum(ratio, 3.0)[:, None])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = -moved[:2] * length / (moved[2:] * step)
+    # At smooth ends both vanish; beyond 3 the cubic would not be monotone.
+    ratio = np.minimum(np.where(np.isfinite(ratio) & (ratio > 0), ratio, 1.0), 3.0)[..., None]
     rest = 1 - fraction
     shape = (
-        slopes[0] * fraction * rest**2
-        - slopes[1] * fraction**2 * rest
+        ratio[0] * fraction * rest**2
+        - ratio[1] * fraction**2 * rest
         + fraction**2 * (3 - 2 * fraction)
     )
     return np.asarray(span.facing_start[:, None] + step[:, None] * shape)
@@ -187,68 +214,68 @@ def _known_degree(sites: Sites, span: Span) -> IntArray:
     return np.where(line, degree, 0)
 
 
-def _interpolate(sites: Sites, span: Span, tolerance: float, steady: bool) -> _Pieces:
-    """Lowest degree that is good enough (0 where none is), its error, Bezier coefficients.
+def _interpolate(
+    sites: Sites, span: Span, goal: FloatArray, steady: BoolArray, hint: FloatArray | None = None
+) -> _Pieces:
+    """Lowest degree within the goal (0 where none is), its error, Bezier coefficients.
 
-    `steady` asks for good derivatives, too.
+    `steady` asks for good derivatives, too; (k, 15) `hint`s tell the contacts at all inner places.
     """
     count = len(span)
+    moved, level = _ends(sites, span)
     # What rounding does to the bisector of two lines, however parallel, it does along it.
     straight = _known_degree(sites, span) == 1
+    sharpness = np.maximum(level.max(axis=0), 1.0)
     pieces = _Pieces(
         span=span,
         degree=np.zeros(count, dtype=np.int64),
         table=np.zeros((count, TOP + 1, 3)),
         error=np.full(count, np.inf),
+        goal=goal,
         facing=np.zeros((count, TOP + 1)),
         disks=np.zeros((count, TOP + 1, 3)),
-        sharpness=np.where(straight | (not steady), 0.0, _sharpness(sites, span)),
+        sharpness=np.where(straight | ~steady, 0.0, sharpness),
+        grade=np.ones(count, dtype=np.int64),
     )
     disks, facing = pieces.disks, pieces.facing
     disks[:, 0], disks[:, -1] = span.first_disk, span.last_disk
     facing[:, 0], facing[:, -1] = span.facing_start, span.facing_end
-    disks[:, _COARSE], facing[:, _COARSE] = evaluate_span(
-        sites, span, NODES[_COARSE], _first_hint(sites, span)
-    )
+    if hint is None:
+        _coarse_and_fine(sites, pieces, moved)
+        checks = np.full((count, len(_CHECKS), 3), np.nan)
+    else:
+        found, where = evaluate_span(sites, span, _INNER, hint)
+        disks[:, 1:-1], facing[:, 1:-1] = found[:, : TOP - 1], where[:, : TOP - 1]
+        checks = found[:, TOP - 1 :]
+    for degree in DEGREES[:-1]:
+        _try(pieces, np.flatnonzero(pieces.degree == 0), degree, np.arange(TOP + 1))
+    rows = np.flatnonzero((pieces.degree == 0) & np.isfinite(disks).all(axis=(1, 2)))
+    if len(rows):
+        if hint is None:
+            expected = facing[rows] @ _resampling(TOP).T
+            checks[rows], _ = evaluate_span(sites, span.take(rows), _CHECKS, expected)
+        _try_top(pieces, rows, checks[rows])
+    return pieces
+
+
+def _coarse_and_fine(sites: Sites, pieces: _Pieces, moved: FloatArray) -> None:
+    """Disks and contacts at the Chebyshev points, coarse ones first; lines and parabolas."""
+    span, disks, facing = pieces.span, pieces.disks, pieces.facing
+    first = _first_hint(span, moved)
+    disks[:, _COARSE], facing[:, _COARSE] = evaluate_span(sites, span, NODES[_COARSE], first)
     coarse = np.array([0, *_COARSE, TOP])
     # Contacts on lines and points are known where those of their ends are; on arcs they turn.
     known = np.where(sites.kind[span.partner] == SiteKind.ARC, 0, _known_degree(sites, span))
     for degree in (1, 2):
-        _try(pieces, np.flatnonzero(known == degree), degree, coarse, tolerance)
+        _try(pieces, np.flatnonzero(known == degree), degree, coarse)
     with np.errstate(invalid="ignore"):
         rest = facing[:, coarse] @ _resampling(4).T
     easy = np.flatnonzero(pieces.degree > 0)
     facing[easy[:, None], _FINE] = rest[easy]
     rows = np.flatnonzero(pieces.degree == 0)
     if len(rows):
-        part = span.take(rows)
-        found = evaluate_span(sites, part, NODES[_FINE], rest[rows])
+        found = evaluate_span(sites, span.take(rows), NODES[_FINE], rest[rows])
         disks[rows[:, None], _FINE], facing[rows[:, None], _FINE] = found
-        for degree in DEGREES[:-1]:
-            _try(pieces, np.flatnonzero(pieces.degree == 0), degree, np.arange(TOP + 1), tolerance)
-    rows = np.flatnonzero((pieces.degree == 0) & np.isfinite(disks).all(axis=(1, 2)))
-    if len(rows):
-        hint = facing[rows] @ _resampling(TOP).T
-        checks, _ = evaluate_span(sites, span.take(rows), _CHECKS, hint)
-        table = interpolate_to_bezier(disks[rows])
-        away = _deviation(pieces, rows, bernstein(TOP, _CHECKS) @ table - checks)
-        _accept(pieces, rows, TOP, table, away, tolerance)
-    return pieces
-
-
-def _sharpness(sites: Sites, span: Span) -> FloatArray:
-    """Largest 1 - k r at the ends of both sides, (k,), corners aside."""
-    result = np.ones(len(span))
-    for site, parameter, disk in (
-        (span.site, span.start, span.first_disk),
-        (span.site, span.end, span.last_disk),
-        (span.partner, span.facing_start, span.first_disk),
-        (span.partner, span.facing_end, span.last_disk),
-    ):
-        _, _, curvature = sites.frame(site, parameter)
-        bend = np.where(np.isfinite(curvature), curvature, 0.0)
-        result = np.maximum(result, 1 - bend * disk[:, 2])
-    return result
 
 
 @lru_cache(maxsize=2)
@@ -259,7 +286,7 @@ def _resampling(degree: int) -> FloatArray:
     return np.asarray(bernstein(degree, at) @ basis)
 
 
-def _try(pieces: _Pieces, rows: IntArray, degree: int, known: IntArray, tolerance: float) -> None:
+def _try(pieces: _Pieces, rows: IntArray, degree: int, known: IntArray) -> None:
     """Accept `degree` where it is good enough at all nodes of which the disks are `known`."""
     if not len(rows):
         return
@@ -271,7 +298,26 @@ def _try(pieces: _Pieces, rows: IntArray, degree: int, known: IntArray, toleranc
         away = _deviation(pieces, rows, fitted - disks[:, known])
     # Where the partner is out of reach the edge is not what the graph says: left open.
     away = np.where(np.isfinite(away), away, np.inf)
-    _accept(pieces, rows, degree, table, away, tolerance)
+    _accept(pieces, rows, degree, table, away)
+
+
+def _try_top(pieces: _Pieces, rows: IntArray, checks: FloatArray) -> None:
+    """Accept the highest degree where it agrees with the disks (n, 4, 3) between its nodes.
+
+    Where it does not, and by far more at one end than at the other, the cause is at that end: as
+    many halvings towards it as the error asks for.
+    """
+    table = interpolate_to_bezier(pieces.disks[rows])
+    off = bernstein(TOP, _CHECKS) @ table - checks
+    away = _deviation(pieces, rows, off)
+    limit = _accept(pieces, rows, TOP, table, away)
+    side = np.abs(off).max(axis=2)
+    head, tail = side[:, :2].max(axis=1), side[:, 2:].max(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = np.log(away / limit) / np.log(_GAIN)
+    depth = np.where(np.isfinite(depth), np.clip(depth, 1, _DEEPEST), 1).astype(np.int64)
+    clear = np.maximum(head, tail) > 2 * np.minimum(head, tail)
+    pieces.grade[rows] = np.where(head >= tail, 1, -1) * np.where(clear, depth, 1)
 
 
 def _deviation(pieces: _Pieces, rows: IntArray, away: FloatArray) -> FloatArray:
@@ -291,21 +337,19 @@ def _deviation(pieces: _Pieces, rows: IntArray, away: FloatArray) -> FloatArray:
 
 
 def _accept(
-    pieces: _Pieces,
-    rows: IntArray,
-    degree: int,
-    table: FloatArray,
-    away: FloatArray,
-    tolerance: float,
-) -> None:
-    good = away <= np.minimum(tolerance, _steady_limit(pieces, rows, degree, tolerance))
+    pieces: _Pieces, rows: IntArray, degree: int, table: FloatArray, away: FloatArray
+) -> FloatArray:
+    """Accept a degree where it is `away` (n,) by no more than the limits, which are returned."""
+    limit = np.minimum(pieces.goal[rows], _steady_limit(pieces, rows, degree))
+    good = away <= limit
     chosen = rows[good]
     pieces.degree[chosen] = degree
     pieces.table[chosen, : degree + 1] = table[good]
     pieces.error[chosen] = away[good]
+    return limit
 
 
-def _steady_limit(pieces: _Pieces, rows: IntArray, degree: int, tolerance: float) -> FloatArray:
+def _steady_limit(pieces: _Pieces, rows: IntArray, degree: int) -> FloatArray:
     """Deviation that still lets the derivatives of a piece tell where its disks touch, (n,).
 
     A deviation d of a polynomial of length l turns its derivative by some 2 degree d / l
@@ -316,30 +360,83 @@ def _steady_limit(pieces: _Pieces, rows: IntArray, degree: int, tolerance: float
     length = np.abs(last - first).max(axis=1)
     radius = np.maximum(np.maximum(first[:, 2], last[:, 2]), 1e-300)
     size = np.abs(first).max(axis=1) + radius
-    share = 10 * tolerance / radius
+    share = 10 * pieces.goal[rows] / radius
     with np.errstate(divide="ignore"):
         turn = np.maximum(np.sqrt(share / pieces.sharpness[rows]), share)
     return np.asarray(np.maximum(length * turn / (2 * degree), 1e-13 * size))
 
 
-def _halve(sites: Sites, pieces: _Pieces, count: int) -> tuple[Span, FloatArray]:
-    """Two spans for one, and the (k, 3) disks of the joints between them.
+@dataclass(frozen=True)
+class _Parts:
+    """How pieces are cut: the piece of each part (k,), its range of fractions, the number of
+    halvings that led to it, and whether a joint is at its start."""
 
-    `count` is the number of the first joint.
+    row: IntArray
+    low: FloatArray
+    high: FloatArray
+    halvings: IntArray
+    inner: BoolArray
+
+
+def _parts(grade: IntArray, halvings: IntArray) -> _Parts:
+    """Halves of pieces, halved again towards the end that their grade (n,) tells."""
+    rest = np.where(halvings >= _HOPELESS, _PATIENCE - halvings, 0)
+    depth = np.maximum(np.abs(grade), rest)
+    row = np.repeat(np.arange(len(depth)), depth + 1)
+    index = np.arange(len(row)) - np.repeat(np.cumsum(depth + 1) - depth - 1, depth + 1)
+    steps, forward = depth[row], grade[row] > 0
+    step = np.where(forward, index, steps - index)
+    far = 2.0 ** (step - steps)
+    near = np.where(step > 0, 0.5 * far, 0.0)
+    low, high = np.where(forward, near, 1 - far), np.where(forward, far, 1 - near)
+    done = steps - np.maximum(step - 1, 0)
+    return _Parts(row, low, high, halvings[row] + done, index > 0)
+
+
+def _split(
+    sites: Sites, pieces: _Pieces, parts: _Parts, count: int
+) -> tuple[Span, FloatArray, FloatArray]:
+    """Pieces as parts, of which the first joint has the number `count`.
+
+    Returns the parts, the contacts that are expected at their inner places (k, 15), and the
+    disks (j, 3) at the joints between them.
     """
-    middle, facing = pieces.disks[:, TOP // 2], pieces.facing[:, TOP // 2]
-    span = pieces.span
-    lost = ~np.isfinite(middle).all(axis=1)
+    row, low, high, inner = parts.row, parts.low, parts.high, np.flatnonzero(parts.inner)
+    source, place = row[inner], low[inner, None]
+    disk, facing = pieces.disks[source, TOP // 2], pieces.facing[source, TOP // 2]
+    other = np.flatnonzero(place[:, 0] != 0.5)
+    if len(other):
+        parents, at = pieces.take(source[other]), place[other]
+        found = evaluate_span(sites, parents.span, at, _between(parents.facing, at))
+        disk[other], facing[other] = found[0][:, 0], found[1][:, 0]
+    lost = ~np.isfinite(disk).all(axis=1)
     if lost.any():
-        place = span.first_disk[lost][0, :2] + sites.origin
-        raise GeometryError("an edge of the axis is interrupted", place=tuple(place))
-    half = 0.5 * (span.start + span.end)
-    joint = np.arange(count, count + len(half))
-    one = replace(span, end=half, facing_end=facing, last=joint, last_disk=middle, far_last=middle)
-    two = replace(
-        span, start=half, facing_start=facing, first=joint, first_disk=middle, far_first=middle
-    )
-    return Span.join([one, two]), middle
+        start = pieces.span.first_disk[source[lost][0], :2] + sites.origin
+        raise GeometryError("an edge of the axis is interrupted", place=tuple(start))
+    hint = _between(pieces.facing[row], low[:, None] + (high - low)[:, None] * _INNER)
+    span = _cut_span(pieces.span.take(row), low, high, inner, disk, facing, count)
+    return span, hint, disk
+
+
+def _between(facing: FloatArray, fraction: FloatArray) -> FloatArray:
+    """Contacts (k, n) at fractions (k, n) by monotone cubics between those (k, 13) at the nodes.
+
+    Slopes at the nodes are harmonic means of those of both chords (Fritsch and Butland 1984).
+    """
+    width = np.diff(NODES)
+    chord = np.diff(facing, axis=1) / width
+    left, right = width[:-1] + 2 * width[1:], 2 * width[:-1] + width[1:]
+    slope = np.concatenate([chord[:, :1], np.zeros_like(chord[:, 1:]), chord[:, -1:]], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = (left + right) / (left / chord[:, :-1] + right / chord[:, 1:])
+    slope[:, 1:-1] = np.where(chord[:, :-1] * chord[:, 1:] > 0, mean, 0.0)
+    cell = np.clip(np.searchsorted(NODES, fraction, side="right") - 1, 0, TOP - 1)
+    row = np.arange(len(facing))[:, None]
+    along = fraction - NODES[cell]
+    share = along / width[cell]
+    secant, head, tail = chord[row, cell], slope[row, cell], slope[row, cell + 1]
+    bend = 3 * secant - 2 * head - tail + share * (head + tail - 2 * secant)
+    return np.asarray(facing[row, cell] + along * (head + share * bend))
 
 
 # -- drawing --------------------------------------------------------------------------------------
@@ -403,7 +500,15 @@ def _cut(sites: Sites, pieces: _Pieces, parts: IntArray, joints: list[FloatArray
     span = _cut_span(pieces.span.take(row), low, high, inner, exact[:, 0], where[:, 0], first)
     facing[:, 0], facing[:, -1] = span.facing_start, span.facing_end
     return _Pieces(
-        span, degree, table, pieces.error[row], facing, np.zeros_like(table), pieces.sharpness[row]
+        span,
+        degree,
+        table,
+        pieces.error[row],
+        pieces.goal[row],
+        facing,
+        np.zeros_like(table),
+        pieces.sharpness[row],
+        pieces.grade[row],
     )
 
 

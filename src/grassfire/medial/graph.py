@@ -11,8 +11,9 @@ from scipy.spatial import cKDTree
 
 from grassfire.errors import GeometryError
 from grassfire.medial.contact import Tangents, contact
+from grassfire.medial.nodes import WHOLE, Intervals, Nodes
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, Sites
-from grassfire.medial.topology import WHOLE, Intervals, Nodes, Topology
+from grassfire.medial.topology import Topology
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from scipy.sparse.csgraph import connected_components
 from grassfire.errors import GeometryError
 from grassfire.geometry import Arc, Curve, Line, Loop, ParallelCurve
 from grassfire.medial.edges import evaluate_span
+from grassfire.medial.nodes import WHOLE
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind
-from grassfire.medial.topology import WHOLE
 
 if TYPE_CHECKING:
     from grassfire.medial.axis import MedialAxis

@@ -97,9 +97,7 @@ class BoundarySearch:
         owner = site[start]
         head = np.hypot(*(self.point[start] - sites.point(owner, sites.low[owner])).T)
         tail = np.hypot(*(self.point[last] - sites.point(owner, sites.high[owner])).T)
-        half = np.maximum(
-            np.maximum(head, tail), np.maximum.reduceat(np.append(gap, 0.0), start)
-        )
+        half = np.maximum(np.maximum(head, tail), np.maximum.reduceat(np.append(gap, 0.0), start))
         # An arc over its chord: 2 % longer at most for the turn of 0.35 rad between samples.
         half *= np.where(turn[owner] > 0, 1.02, 1.0)
         # A uniform bend moves them off the tangent by a quarter of this; spirals do not bend so.
@@ -191,8 +189,8 @@ class BoundarySearch:
         owner = self.site[index]
         allowed = np.ones(owner.shape, dtype=bool)
         if excluded is not None:
-            for column in range(excluded.shape[1]):
-                allowed &= owner != excluded[:, column, None]
+            for item in range(excluded.shape[1]):
+                allowed &= owner != excluded[:, item, None]
         shown = np.where(allowed, away, np.inf).min(axis=1)
         # A sample that the disk touches must not be lost to rounding.
         # A disk is wanted to its whole radius: its nearest site may end before it touches.

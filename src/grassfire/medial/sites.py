@@ -128,6 +128,12 @@ class Sites:
 
         The curvature of a reflex corner is minus infinity.
         """
+        return self.moving_frame(site, parameter)[:3]
+
+    def moving_frame(
+        self, site: IntArray, parameter: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """As `frame`, and the length along the boundary per unit of parameter (n,), 0 in fans."""
         position, first, second = self.derivatives(site, parameter, 2)
         speed = np.hypot(first[:, 0], first[:, 1])
         is_point = self.kind[site] == SiteKind.POINT
@@ -142,7 +148,7 @@ class Sites:
             angle = start + parameter[is_point] * turn
             normal[is_point] = np.stack([np.cos(angle), np.sin(angle)], axis=1)
             curvature[is_point] = -np.inf
-        return position, normal, curvature
+        return position, normal, curvature, speed
 
     def speed(self, site: IntArray, parameter: FloatArray, radius: FloatArray) -> FloatArray:
         """(n,) length along the boundary (or the fan at `radius`) per unit of parameter."""

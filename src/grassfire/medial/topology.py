@@ -9,12 +9,14 @@ root), and the disk there is either empty (a branch point) or shows a site in be
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 
 import numpy as np
 
 from grassfire.errors import GeometryError
 from grassfire.medial.contact import Tangents, contact
+from grassfire.medial.crossing import crossing
+from grassfire.medial.nodes import WHOLE, Intervals, Nodes
 from grassfire.medial.search import BoundarySearch, Contacts
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
 from grassfire.medial.triple import TripleDisks, common_disk, triple_disks
@@ -24,61 +26,6 @@ _CROWD = 64
 
 _PATIENCE = 8
 """Rounds after which crossings are bracketed that Newton's method does not settle."""
-
-WHOLE = -2
-"""Partner of a contact arc: the arc itself, its disk being centred at the arc's centre."""
-
-
-@dataclass(frozen=True)
-class Nodes:
-    """Boundary points with known maximal disks, one row each.
-
-    `left` and `right` are the partners before and after the node along its site; `vertex` is -1 for
-    plain nodes, whose `left` equals `right`. `facing` is the contact on the partner, `own`
-    marks the ends of the site itself.
-    """
-
-    site: IntArray
-    parameter: FloatArray
-    radius: FloatArray
-    left: IntArray
-    right: IntArray
-    facing: FloatArray
-    vertex: IntArray
-    centre: FloatArray
-    own: BoolArray
-
-    def __len__(self) -> int:
-        return len(self.site)
-
-    def take(self, index: IntArray | BoolArray) -> Nodes:
-        """Rows `index`."""
-        return Nodes(*(getattr(self, item.name)[index] for item in fields(self)))
-
-    @staticmethod
-    def join(*parts: Nodes) -> Nodes:
-        """All rows of all parts."""
-        return Nodes(
-            *(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Nodes))
-        )
-
-
-@dataclass(frozen=True)
-class Intervals:
-    """Maximal stretches of a site that face one partner, in boundary order.
-
-    `group` numbers the nodes: those of a number are one boundary point.
-    """
-
-    site: IntArray
-    start: FloatArray
-    end: FloatArray
-    partner: IntArray
-    first: IntArray
-    last: IntArray
-    first_node: IntArray
-    last_node: IntArray
-    group: IntArray
 
 
 class Topology:
@@ -416,7 +363,7 @@ class Topology:
     def _open(self, nodes: Nodes) -> IntArray:
         """Rows after which the partner changes without an event."""
         rows, label = self._gaps(nodes)
-        return rows[label == -1]
+        return np.asarray(rows[label == -1])
 
     def _solve(self, nodes: Nodes, rows: IntArray, patient: bool) -> list[Nodes]:
         """Events between nodes that disagree, or nodes on the sites that came to light there."""
@@ -554,7 +501,7 @@ class Topology:
     ) -> list[Nodes]:
         """The same by bracketing, where Newton's method found no disk."""
         site = nodes.site[rows]
-        parameter, radius, facing = self._crossing(nodes, rows, one, other)
+        parameter, radius, facing = crossing(self.sites, nodes, rows, one, other)
         position, normal, contacts = self._disks(site, parameter)
         slack = self.snap * 0.1 + 1e-13 * self.sites.size
         known = contacts.partner >= 0
@@ -581,91 +528,6 @@ class Topology:
         if third.any():
             parts.append(self.plain_nodes(site[third], parameter[third], junctions=True))
         return parts
-
-    def _crossing(
-        self, nodes: Nodes, rows: IntArray, one: IntArray, other: IntArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Where the disks to two partners have equal radii between two nodes (Illinois method)."""
-        site = nodes.site[rows]
-        left, right = nodes.parameter[rows].copy(), nodes.parameter[rows + 1].copy()
-        hint_one, hint_other = nodes.facing[rows].copy(), nodes.facing[rows + 1].copy()
-        low = self._difference(site, left, one, other, hint_one, hint_other, nodes.radius[rows], 1)
-        high = self._difference(
-            site, right, one, other, hint_one, hint_other, nodes.radius[rows + 1], 2
-        )
-        value_left = np.minimum(low[0], 0.0)
-        value_right = np.maximum(high[0], 0.0)
-        weight_left, weight_right = value_left.copy(), value_right.copy()
-        last = np.zeros(len(rows), dtype=np.int64)
-        middle = 0.5 * (left + right)
-        radius = np.full(len(rows), np.nan)
-        facing = np.full(len(rows), np.nan)
-        active = np.arange(len(rows))
-        for step in range(80):
-            with np.errstate(divide="ignore", invalid="ignore"):
-                new = left[active] + (right - left)[active] * (
-                    weight_left[active] / (weight_left[active] - weight_right[active])
-                )
-            half = 0.5 * (left[active] + right[active])
-            inside = (new > left[active]) & (new < right[active]) & (step % 4 != 3)
-            new = np.where(inside, new, half)
-            value, rho, where = self._difference(
-                site[active], new, one[active], other[active],
-                hint_one[active], hint_other[active], None, 0,
-            )  # fmt: skip
-            middle[active], radius[active], facing[active] = new, rho, where
-            negative = value < 0
-            left[active] = np.where(negative, new, left[active])
-            right[active] = np.where(negative, right[active], new)
-            # Illinois: halve the weight of an end that stays twice.
-            stay_right = negative & (last[active] == 1)
-            stay_left = ~negative & (last[active] == -1)
-            weight_right[active] = np.where(stay_right, 0.5, 1.0) * weight_right[active]
-            weight_left[active] = np.where(stay_left, 0.5, 1.0) * weight_left[active]
-            weight_left[active] = np.where(negative, value, weight_left[active])
-            weight_right[active] = np.where(negative, weight_right[active], value)
-            last[active] = np.where(negative, 1, -1)
-            width = right[active] - left[active]
-            done = (width <= 4e-15 * (1 + np.abs(new))) | (np.abs(value) <= 1e-15)
-            active = active[~done]
-            if not len(active):
-                break
-        # Equal radii are not met where both partners vanish: the middle tells most.
-        lost = ~np.isfinite(radius)
-        start, end = nodes.parameter[rows], nodes.parameter[rows + 1]
-        middle[lost] = 0.5 * (start + end)[lost]
-        radius[lost] = np.nan
-        return middle, radius, facing
-
-    def _difference(
-        self,
-        site: IntArray,
-        parameter: FloatArray,
-        one: IntArray,
-        other: IntArray,
-        hint_one: FloatArray,
-        hint_other: FloatArray,
-        known: FloatArray | None,
-        side: int,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(r1 - r2) / (r1 + r2), the smaller radius and the contact on the first partner.
-
-        At a node the radius to its own partner is known (`side` 1 or 2) and used, since at ends
-        (A) is 0 / 0.
-        """
-        position, normal, _ = self.sites.frame(site, parameter)
-        tangents = Tangents(position, normal, site, parameter)
-        where, first = contact(self.sites, tangents, one, hint_one)
-        _, second = contact(self.sites, tangents, other, hint_other)
-        if known is not None:
-            first = known if side == 1 else first
-            second = known if side == 2 else second
-        with np.errstate(invalid="ignore"):
-            value = (first - second) / (first + second)
-        value = np.where(np.isinf(first) & np.isfinite(second), 1.0, value)
-        value = np.where(np.isfinite(first) & np.isinf(second), -1.0, value)
-        value = np.where(np.isnan(value), 0.0, value)
-        return value, np.minimum(first, second), where
 
     # -- intervals --------------------------------------------------------------------------------
 
@@ -721,6 +583,6 @@ def _same_cell(points: FloatArray, length: float) -> IntArray:
     cell = np.round(points / length)
     order = np.lexsort(cell.T)
     step = np.any(np.diff(cell[order], axis=0) != 0, axis=1)
-    result = np.zeros(len(points), dtype=np.int64)
+    result: IntArray = np.zeros(len(points), dtype=np.int64)
     result[order] = np.concatenate([[0], np.cumsum(step)])
     return result

@@ -14,8 +14,8 @@ class TripleDisks:
     """Disks tangent to three sites each: centre (n, 2), radius (n,), parameters (n, 3).
 
     `settled` tells where the iteration found a disk of positive radius, `good` where its three
-    contacts lie on their sites too; `determinant` (n,) how well they determine it: twice the area of the triangle
-    of the three unit normals.
+    contacts lie on their sites too; `determinant` (n,) how well they determine it: twice the area
+    of the triangle of the three unit normals.
     """
 
     centre: FloatArray
@@ -211,10 +211,8 @@ class _Feet:
         return dot(centre - point, normal), normal
 
 
-def _solve(
-    gradient: FloatArray, away: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Move of the centre (n, 2), new radius (n,) and determinant of g_k . dc - r = -d_k, k = 1, 2, 3."""
+def _solve(gradient: FloatArray, away: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Move of the centre (n, 2), new radius (n,), determinant of g_k . dc - r = -d_k, k = 1 2 3."""
     one, two = gradient[:, 1] - gradient[:, 0], gradient[:, 2] - gradient[:, 0]
     b1, b2 = away[:, 0] - away[:, 1], away[:, 0] - away[:, 2]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
