@@ -136,21 +136,19 @@ def farthest(points: np.ndarray, ring: np.ndarray) -> float:
     closed = np.concatenate([ring, ring[:1]])
     chords = shapely.linestrings(np.stack([closed[:-1], closed[1:]], axis=1))
     tree = shapely.STRtree(chords)
-    _, off = tree.query_nearest(
-        shapely.points(points), return_distance=True, all_matches=False
-    )
+    _, off = tree.query_nearest(shapely.points(points), return_distance=True, all_matches=False)
     return float(off.max())
 
 
 def deviations(loop: Loop, points: np.ndarray) -> tuple[float, float]:
     """Largest distance from the vertices to the loop, and from the loop to the polyline."""
-    fine = flatten(loop, 2e-6)
+    fine = flatten(loop, 1e-5)
     return farthest(points, fine), farthest(fine, points)
 
 
-def distance_between(first: Loop, second: Loop) -> float:
+def distance_between(first: Loop, second: Loop, accuracy: float = 1e-5) -> float:
     """Hausdorff distance both ways, measured at dense points."""
-    one, two = flatten(first, 2e-6), flatten(second, 2e-6)
+    one, two = flatten(first, accuracy), flatten(second, accuracy)
     return max(farthest(one, two), farthest(two, one))
 
 
@@ -181,7 +179,7 @@ def test_lines_and_arcs_come_back(make: object, expected: dict[str, int], sharp:
     points = vertices(true)
     loop = fit_polyline(points, TOLERANCE)
     assert kinds(loop) == expected and corner_count(loop) == sharp
-    assert distance_between(loop, true) < 2e-5
+    assert distance_between(loop, true, 2e-6) < 2e-5
     radii = {round(curve.radius, 3) for curve in loop.curves if isinstance(curve, Arc)}
     assert radii == {round(curve.radius, 3) for curve in true.curves if isinstance(curve, Arc)}
 
@@ -348,7 +346,7 @@ SHAPES = {
 
 
 @pytest.mark.parametrize("name", SHAPES)
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(
     angle=st.floats(-3.0, 3.0),
     shift=st.tuples(st.floats(-500, 500), st.floats(-500, 500)),
@@ -365,7 +363,7 @@ def test_motion_start_and_reversal(
     image = plain.transformed(np.column_stack([turn, shift]))
     other = fit_polyline(moved, TOLERANCE)
     assert kinds(other) == kinds(plain) and corner_count(other) == corner_count(plain)
-    assert distance_between(other, image) < 0.2 * TOLERANCE
+    assert distance_between(other, image, 5e-5) < 0.2 * TOLERANCE
     assert (other.area < 0.0) == ((plain.area < 0.0) != backwards)
 
 
@@ -396,11 +394,40 @@ def test_repeated_points_count_once() -> None:
 
 @pytest.mark.parametrize("factor", [1.0, 1.5], ids=["circle", "ellipse"])
 def test_many_points(factor: float) -> None:
-    points = ellipse(100_000, 20.0 * factor, 20.0)
+    points = ellipse(20_000, 20.0 * factor, 20.0)
     start = time.process_time()
     loop = fit_polyline(points, TOLERANCE)
-    assert time.process_time() - start < 10.0
+    assert time.process_time() - start < 5.0
     assert len(loop.curves) == 1
+
+
+@pytest.mark.parametrize(("amplitude", "seed"), [(0.1, 17), (0.4, 18)])
+def test_vertices_closer_together_than_their_noise(seed: int, amplitude: float) -> None:
+    points = disturbed(ellipse(20_000), amplitude * TOLERANCE, seed)
+    loop = fit_polyline(points, TOLERANCE)
+    assert kinds(loop) == {"BSpline": 1} and farthest(points, flatten(loop, 2e-5)) <= TOLERANCE
+
+
+@pytest.mark.parametrize("seed", [41, 42])
+@pytest.mark.parametrize("make", [rounded_rectangle, stadium, gear, glyph])
+def test_vertices_are_near_whatever_the_noise_leaves(make: object, seed: int) -> None:
+    true = make()  # type: ignore[operator]
+    points = disturbed(respaced(vertices(true, 1e-5), 0.1), 0.5 * TOLERANCE, seed)
+    loop = fit_polyline(points, TOLERANCE)
+    assert farthest(points, flatten(loop, 2e-5)) <= TOLERANCE
+    assert len(loop.curves) < 80
+
+
+def test_noise_beyond_the_tolerance_is_refused() -> None:
+    with pytest.raises(GeometryError, match="crosses itself"):
+        fit_polyline(disturbed(ellipse(20_000), 5.0 * TOLERANCE), TOLERANCE)
+
+
+def test_fine_teeth_stay() -> None:
+    points = ellipse(3_000, 20.0, 20.0)
+    points[::2] *= 1.0 + TOLERANCE / 4.0
+    loop = fit_polyline(points, TOLERANCE)
+    assert kinds(loop) == {"Line": 3_000}
 
 
 # -- open runs and regions -----------------------------------------------------------------------

@@ -638,7 +638,8 @@ def test_reached_and_left_make_up_the_region(name: str) -> None:
         opened = drawing.buffer(-fitting, quad_segs=256).buffer(fitting, quad_segs=256)
         assert abs(total_area(covered) - opened.area) <= 2e-4 * size**2
         areas.append(total_area(covered))
-    assert areas[0] >= areas[1] >= areas[2]
+    slack = 1e-10 * size**2
+    assert areas[0] >= areas[1] - slack and areas[1] >= areas[2] - slack
 
 
 @pytest.mark.parametrize("name", ["comb", "star-5", "islands-grid", "letter-e", "blob-islands"])

@@ -15,6 +15,10 @@ from grassfire.geometry.curve import FloatArray, dot
 DEGREE = 3
 FEWEST_PERIODIC = 8
 ROUNDS = 24
+FEW_ROUNDS = 6
+"""How often spans are halved that a part of the points has determined."""
+PATIENCE = 8
+"""How often spans are halved without the deviation falling by a tenth."""
 MANY = 3000
 """Points from which the spans are found."""
 DENSE = 150
@@ -75,8 +79,12 @@ def fit_spline(
         # Spans from a part of the points first.
         some = np.unique(np.linspace(0, len(points) - 1, MANY).astype(np.int64))
         part = _Task(points[some], parameter[some], edges, closed, tangents)
-        task = replace(task, edges=_search(part, target)[1].edges)
-    best = _search(task, target)[0]
+        found, part = _search(part, target, ROUNDS)
+        if found is None or found.deviation.max() > limit:
+            return None
+        best = _search(replace(task, edges=part.edges), target, FEW_ROUNDS)[0]
+    else:
+        best = _search(task, target, ROUNDS)[0]
     return best if best is not None and best.deviation.max() <= limit else None
 
 
@@ -100,14 +108,18 @@ def _lengths(points: FloatArray, noise: float, closed: bool) -> FloatArray:
     return np.asarray(length / length[-1])
 
 
-def _search(task: _Task, target: float) -> tuple[Spline | None, _Task]:
+def _search(task: _Task, target: float, rounds: int) -> tuple[Spline | None, _Task]:
     """Return the best spline as spans are halved, and the last task."""
     best: Spline | None = None
-    for _ in range(ROUNDS):
+    worst: list[float] = []
+    for _ in range(rounds):
         found = _fit(task)
         if found is not None and (best is None or found.deviation.max() < best.deviation.max()):
             best = found
         if found is not None and found.deviation.max() <= target:
+            break
+        worst.append(np.inf if best is None else float(best.deviation.max()))
+        if len(worst) > PATIENCE and worst[-1] > 0.9 * worst[-1 - PATIENCE]:
             break
         finer = _refined(task, found, target)
         if len(finer) == len(task.edges):

@@ -257,9 +257,7 @@ def _without_ragged(outline: Outline, runs: list[Run]) -> tuple[Outline, list[Ru
 # -- lines and arcs ------------------------------------------------------------------------------
 
 
-def _solved(
-    outline: Outline, known: dict[bytes, list[Shape] | None]
-) -> dict[int, Shape] | Outline:
+def _solved(outline: Outline, known: dict[bytes, list[Shape] | None]) -> dict[int, Shape] | Outline:
     """Return the shape of each solid run, or the outline with runs freed that cannot be fitted.
 
     Groups fitted before are taken from `known`.

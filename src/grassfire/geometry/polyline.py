@@ -23,6 +23,7 @@ from grassfire.geometry.loop import Loop
 from grassfire.geometry.outline import Outline, curves_of
 from grassfire.geometry.region import Region
 from grassfire.geometry.runs import (
+    FEWEST_SPACED,
     FREE,
     PLAIN,
     TIGHT,
@@ -43,6 +44,8 @@ NOISE_SHARE = 4.0
 """Standard deviations of the noise within which vertices lie from their curve."""
 ACCURACY = 0.01
 """Share of the tolerance to which the distance of vertices from the result is measured."""
+RAGGED_TURN = 1.0
+"""Median turn, in radians, from which a polyline is all corners or all noise."""
 STRIDES = 3
 """How many steps along noisy vertices are tried."""
 FAIR_SHARE = 0.05
@@ -60,7 +63,7 @@ def fit_polyline(
         In mm; the first may be repeated at the end. Repeated points count once.
     tolerance : float
         In mm, above zero: the accuracy of the vertices, not of the chords between them. Noise
-        should stay below half of it.
+        has to stay below half of it; what noise does is in the notes.
     corner_angle : float
         Turn in radians from which a vertex is a corner whatever its neighbours do, unless
         rounding it would stay within 1.5 times the tolerance. Vertices that turn less are
@@ -84,7 +87,14 @@ def fit_polyline(
     Guaranteed, and checked on the result: every vertex lies within `tolerance` of the result; and
     every arc and spline, at four places for each chord, lies within `tolerance + h a / 4` of that
     chord, where h is its length and a the larger turn at those of its ends that are no corners.
-    A chord of a circle has a sagitta of h a / 8 for equal chords.
+    A chord of a circle has a sagitta of h a / 8 for equal chords. Vertices closer together than
+    eight standard deviations of their noise are thinned out first; the distance of all of them is
+    checked, that of the chords between those that are left.
+
+    Lines, arcs and corners of exact data come back. Under noise, bounded by half the tolerance,
+    that is usual but not guaranteed: an arc counts if a line in its place would be off by about
+    80 times the scatter, so that small fillets become splines, and a corner may move by a chord.
+    Noise above the tolerance leaves the polyline as it is, or is refused where that crosses itself.
     """
     _check_arguments(tolerance, corner_angle)
     chain = _cleaned(frozen_array(points, (None, 2), "a polyline"), tolerance, closed=True)
@@ -256,6 +266,13 @@ def _fitted(
     """Return the curves for a chain, looked at in steps that are long against its noise."""
     vertices = chain[:-1] if closed else chain
     stride, noise = stride_over_noise(vertices, closed, 0.5 * tolerance)
+    ragged = stride > 1
+    if len(vertices) > FEWEST_SPACED:
+        ragged |= float(np.median(np.abs(chord_turns(chain)))) > RAGGED_TURN
+    if ragged and noise > 0.5 * tolerance:
+        # A finely toothed polygon, or vertices that nothing smooth is within the tolerance of.
+        return [Line(first, last) for first, last in pairwise(chain)]
+    noise = min(noise, 0.5 * tolerance)
     for _ in range(STRIDES):
         # The last vertex takes the place of one that may be next to it.
         some = np.concatenate([chain[: len(chain) - stride : stride], chain[-1:]])

@@ -77,17 +77,17 @@ def noise_level(points: FloatArray, closed: bool) -> float:
 
 def stride_over_noise(points: FloatArray, closed: bool, most: float) -> tuple[int, float]:
     """Return every how manieth vertex to take so that noise does not hide the direction, and the
-    standard deviation of the noise, at most `most`.
+    standard deviation of the noise.
 
     Vertices closer together than their noise go to and fro: neither their turns nor lengths
-    along them mean anything.
+    along them mean anything. Noise above `most` counts as that much.
     """
     stride = 1
     while True:
         some = points[::stride]
-        noise = min(noise_level(some, closed), most)
+        noise = noise_level(some, closed)
         step = float(np.median(np.hypot(*np.diff(some, axis=0).T)))
-        if step >= SPACING * noise or len(some) < FEWEST_SPACED:
+        if step >= SPACING * min(noise, most) or len(some) < FEWEST_SPACED:
             return stride, noise
         stride *= 2
 

@@ -13,6 +13,8 @@ from grassfire.geometry.line import Line
 
 LONGEST_SHARE = 4.0
 """Chords longer than this many times the mean are cut, so that near ones are quickly found."""
+CLOSE = 8
+"""Chords along the chain within which crossings are looked for first."""
 
 
 def first_crossing(curves: Sequence[Curve], accuracy: float, closed: bool) -> FloatArray | None:
@@ -31,12 +33,26 @@ def first_crossing(curves: Sequence[Curve], accuracy: float, closed: bool) -> Fl
     number, start, end = _cut(start, end)
     # Consecutive parts of the chain share an end: no crossing.
     follows = np.append(joined, joined[-1] if closed else False)
+    # Noise crosses close by: no need to look for all pairs then.
+    close = np.arange(2, min(CLOSE, len(start) - 1) + 1)
+    one, shift = (part.ravel() for part in np.meshgrid(np.arange(len(start)), close))
+    inside = one + shift < len(start)
+    pairs = np.stack([one, one + shift], axis=1)[inside]
+    found = _crossing(pairs, number, start, end, follows)
+    if found is not None:
+        return found
     from scipy.spatial import cKDTree
 
     half = 0.5 * np.hypot(*(end - start).T)
-    pairs = cKDTree(0.5 * (start + end)).query_pairs(2.0 * float(half.max()), output_type="ndarray")
-    if not len(pairs):
-        return None
+    tree = cKDTree(0.5 * (start + end))
+    pairs = tree.query_pairs(2.0 * float(half.max()), output_type="ndarray")
+    return _crossing(pairs, number, start, end, follows)
+
+
+def _crossing(
+    pairs: np.ndarray, number: np.ndarray, start: FloatArray, end: FloatArray, follows: np.ndarray
+) -> FloatArray | None:
+    """Return where the first of the pairs (m, 2) of chords cross that do not follow each other."""
     one, two = pairs[:, 0], pairs[:, 1]
     count = int(number[-1]) + 1
     apart = number[two] - number[one]

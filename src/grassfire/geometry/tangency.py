@@ -267,7 +267,7 @@ def _step(
             step = splu(sparse_system).solve(right)[:total]
     except (RuntimeError, np.linalg.LinAlgError):
         return None
-    return step if np.abs(step).max() < 1e3 * max(size, 1.0) else None
+    return np.asarray(step) if np.abs(step).max() < 1e3 * max(size, 1.0) else None
 
 
 def _dense_system(

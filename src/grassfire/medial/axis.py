@@ -48,9 +48,9 @@ _ATTEMPTS = (
     (2, 3.0, 1.0, 1.0, 0.4),
     (16, 1.0, 1.0, 10.0, 0.4),
 )
-"""Density of samples and first nodes, factor on the smooth angle, least fan as a share of that angle, factor
-on the length below which two boundary points are one by rounding, and the share of the tolerance
-within which vertices are merged."""
+"""Density of samples and first nodes, factor on the smooth angle, least fan as a share of that
+angle, factor on the length below which two boundary points are one by rounding, and the share of
+the tolerance within which vertices are merged."""
 
 
 @dataclass(frozen=True)
@@ -131,13 +131,9 @@ class MedialAxis:
         result = []
         for row in np.flatnonzero(~self.pruned):
             first, last = self.span.first[row], self.span.last[row]
-            table = self.fit.control[self.fit.offset[row] : self.fit.offset[row + 1]].copy()
-            # Nearly parallel contacts leave an end open along the axis; the vertex decides.
-            for index, vertex in ((0, first), (-1, last)):
-                table[index, :2] = self.fit.vertex_centre[vertex]
-                table[index, 2] = self.fit.vertex_radius[vertex]
+            table = self.fit.control[self.fit.offset[row] : self.fit.offset[row + 1]]
             points = table[:, :2] + self.sites.origin
-            result.append(Edge(int(number[first]), int(number[last]), points, table[:, 2]))
+            result.append(Edge(int(number[first]), int(number[last]), points, table[:, 2].copy()))
         return tuple(result)
 
     # -- queries ----------------------------------------------------------------------------------
@@ -170,7 +166,7 @@ class MedialAxis:
         """
         sites = self.sites
         local = np.asarray(points, dtype=np.float64).reshape(-1, 2) - sites.origin
-        distance, site, parameter = self.search.nearest(local)
+        distance, site, parameter = self.search.nearest(local, outside=True)
         position, normal, _ = sites.frame(site, parameter)
         inside = np.einsum("ij,ij->i", local - position, normal) >= 0
         low, high = parameter <= sites.low[site], parameter >= sites.high[site]
@@ -409,7 +405,7 @@ def _compute(
     rounding = 1e-15 * float(np.max(np.abs(region.bounds())))
     accuracy = max(0.05 * tol, min(0.5 * tol, 4e-12 * sites.size)) + rounding
     drawing = max(0.7 * tol, 7e-8, 3e-10 * sites.size)
-    fit = fit_edges(sites, graph, accuracy, drawing, 0.5 * tol)
+    fit = _closed(fit_edges(sites, graph, accuracy, drawing, 0.5 * tol))
     clock.append(time.perf_counter())
     certificate = certify(region, sites, search, graph, fit, tol - sites.merged)
     # The boundary that was merged lies that near to the one that was given.
@@ -423,6 +419,18 @@ def _compute(
         region, sites, beziers, search, graph, fit, pruned, certificate, tol, angular_tolerance,
         seconds,
     )  # fmt: skip
+
+
+def _closed(fit: Fit) -> Fit:
+    """The edges from vertex to vertex.
+
+    Nearly parallel contacts leave the end of an edge open along the axis; the vertex decides.
+    """
+    vertex = np.concatenate([fit.vertex_centre, fit.vertex_radius[:, None]], axis=1)
+    control = fit.control.copy()
+    control[fit.offset[:-1]] = vertex[fit.span.first]
+    control[fit.offset[1:] - 1] = vertex[fit.span.last]
+    return replace(fit, control=control)
 
 
 def _rounding(region: Region, sites: Sites) -> float:

@@ -39,6 +39,25 @@ _SLACK = 1e-3
 """Share of the tolerance by which that search may overrate a distance."""
 
 
+_PLAIN = NODES, interpolate_to_bezier(np.eye(TOP + 1)).mean(axis=0)
+"""Clenshaw-Curtis quadrature: fractions and weights."""
+
+
+def _crowded() -> tuple[FloatArray, FloatArray]:
+    """Quadrature by the substitution tanh(pi/2 sinh(x)) (Takahasi and Mori 1974).
+
+    Its points crowd to both ends: beside an arc that is nearly an arc of contact r comes up from a
+    corner within a sliver of it.
+    """
+    place = np.linspace(-3.2, 3.2, 65)
+    inner = 0.5 * np.pi * np.sinh(place)
+    weight = 0.1 * 0.25 * np.pi * np.cosh(place) / np.cosh(inner) ** 2
+    return 1.0 / (1.0 + np.exp(-2.0 * inner)), weight
+
+
+_CROWDED = _crowded()
+
+
 @dataclass(frozen=True)
 class Certificate:
     """What was proved about a medial axis transform.
@@ -407,27 +426,37 @@ def _both_sides(
     point = (sites.kind[span.partner] == SiteKind.POINT)[:, None]
     far = np.where(point, 0.5 * radius * moved * length, far * pace)
     rough = np.flatnonzero(_rough(sites, fit, rows, tolerance) & ~point[:, 0])
-    if len(rough):
-        far[rough] = 0.0
+    far[rough] = 0.0
     total = float(np.sum((near * length + far) @ weight))
-    return total + (_graded(sites, span.take(rough).swapped()) if len(rough) else 0.0)
+    astray = np.any(np.diff(fit.facing[rows[rough]], axis=1) > 1e-9, axis=1)
+    kind = sites.kind
+    spirals = (kind[span.site] == SiteKind.SPIRAL) & (kind[span.partner] == SiteKind.SPIRAL)
+    plain = spirals[rough] & ~astray
+    for members, rule in ((rough[plain], _PLAIN), (rough[~plain], _CROWDED)):
+        if len(members):
+            total += _from_partner(sites, span.take(members), fit.facing[rows[members]], *rule)
+    return total
 
 
-def _graded(sites: Sites, span: Span) -> float:
-    """Cells along pieces whose radius may change at once next to an end.
+def _from_partner(
+    sites: Sites, span: Span, facing: FloatArray, fraction: FloatArray, weight: FloatArray
+) -> float:
+    """Cells on the far side of pieces, whose contacts (k, 13) are expected at `facing`.
 
-    Quadrature by the substitution tanh(pi/2 sinh(x)), whose points crowd to both ends (Takahasi
-    and Mori 1974): beside an arc that is nearly an arc of contact r comes up from a corner within
-    a sliver of it.
+    By quadrature at fractions (n,) of the partner.
     """
-    place = np.linspace(-3.2, 3.2, 65)
-    inner = 0.5 * np.pi * np.sinh(place)
-    fraction = 1.0 / (1.0 + np.exp(-2.0 * inner))
-    weight = 0.1 * 0.25 * np.pi * np.cosh(place) / np.cosh(inner) ** 2
-    disks, _ = evaluate_span(sites, span, fraction)
+    other = span.swapped()
+    parameter = other.parameter(fraction)
+    cell = (facing[:, None, :] > parameter[:, :, None]).sum(axis=2) - 1
+    cell = np.clip(cell, 0, TOP - 1)
+    row = np.arange(len(span))[:, None]
+    step = np.maximum(facing[row, cell] - facing[row, cell + 1], 1e-300)
+    share = np.clip((facing[row, cell] - parameter) / step, 0.0, 1.0)
+    hint = span.parameter(NODES[cell] + share * np.diff(NODES)[cell])
+    disks, _ = evaluate_span(sites, other, fraction, hint)
     reach = np.nan_to_num(disks[..., 2], posinf=0.0)
-    density, _ = _density(sites, span.site, span.parameter(fraction), reach)
-    return float(np.sum((density @ weight) * (span.end - span.start)))
+    density, _ = _density(sites, other.site, parameter, reach)
+    return float(np.sum((density @ weight) * (other.end - other.start)))
 
 
 def _rough(sites: Sites, fit: Fit, rows: IntArray, tolerance: float) -> BoolArray:

@@ -198,14 +198,18 @@ def evaluate_span(
             fraction
         )
     width = fraction.shape[1]
-    site, flat = np.repeat(span.site, width), span.parameter(fraction).ravel()
-    position, normal, _ = sites.frame(site, flat)
-    tangents = Tangents(position, normal, site, flat)
-    facing, radius = contact(sites, tangents, np.repeat(span.partner, width), hint.ravel())
+    inner = np.flatnonzero((fraction != 0) & (fraction != 1))
+    row = inner // width
+    site, parameter = span.site[row], span.parameter(fraction).ravel()[inner]
+    position, normal, _ = sites.frame(site, parameter)
+    tangents = Tangents(position, normal, site, parameter)
+    hints = np.broadcast_to(hint, fraction.shape).ravel()[inner]
+    where, radius = contact(sites, tangents, span.partner[row], hints)
+    disks, facing = np.empty((*fraction.shape, 3)), np.empty(fraction.shape)
+    flat = disks.reshape(-1, 3)
+    facing.ravel()[inner], flat[inner, 2] = where, radius
     with np.errstate(invalid="ignore"):
-        centre = position + radius[:, None] * normal
-    disks = np.concatenate([centre, radius[:, None]], axis=1).reshape(len(span), width, 3)
-    facing = facing.reshape(len(span), width)
+        flat[inner, :2] = position + radius[:, None] * normal
     for end, disk, known in (
         (0.0, span.first_disk, span.facing_start),
         (1.0, span.last_disk, span.facing_end),

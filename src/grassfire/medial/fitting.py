@@ -59,9 +59,9 @@ _CHORDS = 399
 class _Pieces:
     """Spans with their polynomials: degree (0: none is good enough), coefficients (k, 13, 3) of
     which the first degree + 1 count, error and the one aimed at, contacts (k, 13) and disks
-    (k, 13, 3) at the Chebyshev
-    points, the largest 1 - k r at the ends (k,), which is 0 where derivatives do not matter, and
-    how often to halve those that are not good enough, towards the start (> 0) or end (< 0)."""
+    (k, 13, 3) at the Chebyshev points, the largest 1 - k r at the ends (k,), which is 0 where
+    derivatives do not matter, slopes (k, 2) of the contacts by the fraction at both ends, and how
+    often to halve those that are not good enough, towards the start (> 0) or end (< 0)."""
 
     span: Span
     degree: IntArray
@@ -71,6 +71,7 @@ class _Pieces:
     facing: FloatArray
     disks: FloatArray
     sharpness: FloatArray
+    slope: FloatArray
     grade: IntArray
 
     def take(self, index: IntArray) -> _Pieces:
@@ -145,8 +146,12 @@ def fit_edges(
         place = span.first_disk[0, :2] + sites.origin
         raise GeometryError("an edge of the axis does not converge", place=tuple(place))
     every = _drawable(sites, _Pieces.join(done), joints, drawing_tolerance)
+    return _as_fit(sites, every, np.concatenate(joints))
+
+
+def _as_fit(sites: Sites, every: _Pieces, vertices: FloatArray) -> Fit:
+    """All pieces in the order of the boundary."""
     every = every.take(np.lexsort((every.span.start, every.span.edge)))
-    vertices = np.concatenate(joints)
     return Fit(
         span=every.span,
         control=every.table[np.arange(TOP + 1) <= every.degree[:, None]],
@@ -172,7 +177,7 @@ def _turned(
 
 
 def _ends(sites: Sites, span: Span) -> tuple[FloatArray, FloatArray]:
-    """Motion of the centre and 1 - k r (0 at corners) at the ends, (4, k): own ends, then facing."""
+    """Motion of the centre and 1 - k r at the own ends and at those facing them, (4, k) each."""
     site = np.concatenate([span.site, span.site, span.partner, span.partner])
     parameter = np.concatenate([span.start, span.end, span.facing_start, span.facing_end])
     radius = np.tile(np.concatenate([span.first_disk[:, 2], span.last_disk[:, 2]]), 2)
@@ -181,18 +186,27 @@ def _ends(sites: Sites, span: Span) -> tuple[FloatArray, FloatArray]:
     return moved.reshape(4, -1), (1 - bend * radius).reshape(4, -1)
 
 
+def _end_slopes(span: Span, moved: FloatArray) -> FloatArray:
+    """(k, 2) slopes of the contacts by the fraction at both ends; none at smooth ends."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray((-moved[:2] * (span.end - span.start) / moved[2:]).T)
+
+
+def _ratio(slope: FloatArray, chord: FloatArray) -> FloatArray:
+    """Slopes at ends over those of chords; beyond 3 a cubic would not be monotone."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = slope / chord
+    return np.minimum(np.where(np.isfinite(ratio) & (ratio > 0), ratio, 1.0), 3.0)
+
+
 def _first_hint(span: Span, moved: FloatArray) -> FloatArray:
     """(k, 3) contacts expected at the coarse points: the cubic with the right slopes at the ends.
 
-    Both contacts see the same motion of the centre, ds (1 - k r) across their normals, `moved`.
+    Both contacts see the same motion of the centre, ds (1 - k r) across their normals: `moved`.
     """
     fraction = NODES[_COARSE]
-    length = span.end - span.start
     step = span.facing_end - span.facing_start
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = -moved[:2] * length / (moved[2:] * step)
-    # At smooth ends both vanish; beyond 3 the cubic would not be monotone.
-    ratio = np.minimum(np.where(np.isfinite(ratio) & (ratio > 0), ratio, 1.0), 3.0)[..., None]
+    ratio = _ratio(_end_slopes(span, moved), step[:, None]).T[..., None]
     rest = 1 - fraction
     shape = (
         ratio[0] * fraction * rest**2
@@ -235,6 +249,7 @@ def _interpolate(
         facing=np.zeros((count, TOP + 1)),
         disks=np.zeros((count, TOP + 1, 3)),
         sharpness=np.where(straight | ~steady, 0.0, sharpness),
+        slope=_end_slopes(span, moved),
         grade=np.ones(count, dtype=np.int64),
     )
     disks, facing = pieces.disks, pieces.facing
@@ -407,26 +422,28 @@ def _split(
     other = np.flatnonzero(place[:, 0] != 0.5)
     if len(other):
         parents, at = pieces.take(source[other]), place[other]
-        found = evaluate_span(sites, parents.span, at, _between(parents.facing, at))
+        found = evaluate_span(sites, parents.span, at, _between(parents, at))
         disk[other], facing[other] = found[0][:, 0], found[1][:, 0]
     lost = ~np.isfinite(disk).all(axis=1)
     if lost.any():
         start = pieces.span.first_disk[source[lost][0], :2] + sites.origin
         raise GeometryError("an edge of the axis is interrupted", place=tuple(start))
-    hint = _between(pieces.facing[row], low[:, None] + (high - low)[:, None] * _INNER)
+    hint = _between(pieces.take(row), low[:, None] + (high - low)[:, None] * _INNER)
     span = _cut_span(pieces.span.take(row), low, high, inner, disk, facing, count)
     return span, hint, disk
 
 
-def _between(facing: FloatArray, fraction: FloatArray) -> FloatArray:
-    """Contacts (k, n) at fractions (k, n) by monotone cubics between those (k, 13) at the nodes.
+def _between(pieces: _Pieces, fraction: FloatArray) -> FloatArray:
+    """Contacts (k, n) at fractions (k, n) by monotone cubics between those that are known.
 
     Slopes at the nodes are harmonic means of those of both chords (Fritsch and Butland 1984).
     """
-    width = np.diff(NODES)
+    facing, width = pieces.facing, np.diff(NODES)
     chord = np.diff(facing, axis=1) / width
     left, right = width[:-1] + 2 * width[1:], 2 * width[:-1] + width[1:]
-    slope = np.concatenate([chord[:, :1], np.zeros_like(chord[:, 1:]), chord[:, -1:]], axis=1)
+    slope = np.zeros_like(facing)
+    ends = chord[:, [0, -1]]
+    slope[:, [0, -1]] = ends * _ratio(pieces.slope, ends)
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = (left + right) / (left / chord[:, :-1] + right / chord[:, 1:])
     slope[:, 1:-1] = np.where(chord[:, :-1] * chord[:, 1:] > 0, mean, 0.0)
@@ -508,6 +525,7 @@ def _cut(sites: Sites, pieces: _Pieces, parts: IntArray, joints: list[FloatArray
         facing,
         np.zeros_like(table),
         pieces.sharpness[row],
+        pieces.slope[row],
         pieces.grade[row],
     )
 

@@ -147,7 +147,7 @@ class BoundarySearch:
         slack : float
             By how much the distance may be too large where very many sites are as near, mm.
         """
-        slack += 1e-13 * self.sites.size
+        allowance, slack = slack, slack + 1e-13 * self.sites.size
         count = len(centre)
         distance = np.full(count, np.inf)
         site = np.full(count, -1, dtype=np.int64)
@@ -163,7 +163,8 @@ class BoundarySearch:
                 slack,
                 outside,
             )
-            where, away = self.sites.project(found.site, centre[active][found.row], found.hint)
+            target, place = found.site, centre[active][found.row]
+            where, away = self.sites.project(target, place, found.hint, allowance)
             first, best = _minimum_by_row(found.row, away)
             chosen = active[first]
             distance[chosen] = away[best]

@@ -30,6 +30,10 @@ class SiteKind(IntEnum):
     POINT = 3
 
 
+# Looked up in inner loops, where members of an enumeration cost as much as the work.
+_LINE, _ARC, _SPIRAL, _POINT = (int(kind) for kind in SiteKind)
+
+
 @dataclass(frozen=True)
 class Sites:
     """Columns of boundary sites, in boundary order, one row a site.
@@ -89,15 +93,18 @@ class Sites:
     def derivatives(self, site: IntArray, parameter: FloatArray, order: int) -> list[FloatArray]:
         """Point and derivatives up to `order` (at most 3), each of shape (n, 2)."""
         kind = self.kind[site]
+        spiral = np.flatnonzero(kind == _SPIRAL)
+        if len(spiral) == len(site) > 0:
+            return self._spiral(self.bezier[site], parameter, order)
         result = [np.zeros((len(site), 2)) for _ in range(order + 1)]
         result[0] += self.anchor[site]
-        line = np.flatnonzero(kind == SiteKind.LINE)
+        line = np.flatnonzero(kind == _LINE)
         if len(line):
             direction = self.extent[site[line]]
             result[0][line] += parameter[line, None] * direction
             if order:
                 result[1][line] = direction
-        arc = np.flatnonzero(kind == SiteKind.ARC)
+        arc = np.flatnonzero(kind == _ARC)
         if len(arc):
             start, sweep = self.extent[site[arc]].T
             angle = start + parameter[arc] * sweep
@@ -107,7 +114,6 @@ class Sites:
                 result[power][arc] += scale[:, None] * unit
                 unit = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
                 scale = scale * sweep
-        spiral = np.flatnonzero(kind == SiteKind.SPIRAL)
         if len(spiral):
             values = self._spiral(self.bezier[site[spiral]], parameter[spiral], order)
             for power in range(order + 1):
@@ -136,11 +142,11 @@ class Sites:
         """As `frame`, and the length along the boundary per unit of parameter (n,), 0 in fans."""
         position, first, second = self.derivatives(site, parameter, 2)
         speed = np.hypot(first[:, 0], first[:, 1])
-        is_point = self.kind[site] == SiteKind.POINT
+        is_point = self.kind[site] == _POINT
         safe = np.where(speed > 0, speed, 1.0)
         normal = np.stack([-first[:, 1], first[:, 0]], axis=1) / safe[:, None]
         curvature = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / safe**3
-        arc = self.kind[site] == SiteKind.ARC
+        arc = self.kind[site] == _ARC
         if arc.any():
             curvature[arc] = np.sign(self.extent[site[arc], 1]) / self.radius[site[arc]]
         if is_point.any():
@@ -154,29 +160,32 @@ class Sites:
         """(n,) length along the boundary (or the fan at `radius`) per unit of parameter."""
         first = self.derivatives(site, parameter, 1)[1]
         result = np.hypot(first[:, 0], first[:, 1])
-        is_point = self.kind[site] == SiteKind.POINT
+        is_point = self.kind[site] == _POINT
         result[is_point] = np.abs(self.extent[site[is_point], 1]) * radius[is_point]
         return result
 
     # -- projection -------------------------------------------------------------------------------
 
     def project(
-        self, target: IntArray, centre: FloatArray, hint: FloatArray
+        self, target: IntArray, centre: FloatArray, hint: FloatArray, slack: float = 0.0
     ) -> tuple[FloatArray, FloatArray]:
-        """Nearest point of each target site to each centre: parameter and distance, (n,) each."""
+        """Nearest point of each target site to each centre: parameter and distance, (n,) each.
+
+        Distances may be too large by `slack`, mm, and parameters are then less exact.
+        """
         kind = self.kind[target]
         parameter = np.zeros(len(target))
-        rows = np.flatnonzero(kind == SiteKind.LINE)
+        rows = np.flatnonzero(kind == _LINE)
         if len(rows):
             direction = self.extent[target[rows]]
             along = dot(centre[rows] - self.anchor[target[rows]], direction)
             parameter[rows] = np.clip(along / dot(direction, direction), 0.0, 1.0)
-        rows = np.flatnonzero(kind == SiteKind.ARC)
+        rows = np.flatnonzero(kind == _ARC)
         if len(rows):
             parameter[rows] = self._project_arc(target[rows], centre[rows])
-        rows = np.flatnonzero(kind == SiteKind.SPIRAL)
+        rows = np.flatnonzero(kind == _SPIRAL)
         if len(rows):
-            parameter[rows] = self._project_spiral(target[rows], centre[rows], hint[rows])
+            parameter[rows] = self._project_spiral(target[rows], centre[rows], hint[rows], slack)
         delta = centre - self.point(target, parameter)
         return parameter, np.hypot(delta[:, 0], delta[:, 1])
 
@@ -187,7 +196,9 @@ class Sites:
         delta = np.remainder(angle - (start + sweep / 2) + np.pi, 2 * np.pi) - np.pi
         return np.asarray(np.clip(0.5 + delta / sweep, 0.0, 1.0))
 
-    def _project_spiral(self, target: IntArray, centre: FloatArray, hint: FloatArray) -> FloatArray:
+    def _project_spiral(
+        self, target: IntArray, centre: FloatArray, hint: FloatArray, slack: float
+    ) -> FloatArray:
         low, high = self.low[target], self.high[target]
         parameter = np.clip(hint, low, high)
         best = parameter.copy()
@@ -208,7 +219,10 @@ class Sites:
             step = np.clip(-slope / curve, -0.5 * span, 0.5 * span)
             new = np.clip(value + step, low[active], high[active])
             parameter[active] = new
-            active = active[np.abs(new - value) > 1e-12 * span]
+            # What the step gains, and what the slow ones at such roots may gain after it.
+            gain = np.abs(slope * step)
+            moving = np.abs(new - value) > 1e-12 * span
+            active = active[moving & (gain >= 0.2 * slack * np.sqrt(squared))]
             if not len(active):
                 break
         for end in (low, high):
@@ -235,10 +249,10 @@ def evaluate_rational(
     -------
     list of (n, 2) float arrays
     """
+    if not coefficients[:, 1:, 2].any():
+        return _polynomial(coefficients, parameter - 0.5, order)
     local = (parameter - 0.5)[:, None]
     degree = coefficients.shape[1] - 1
-    if not coefficients[:, 1:, 2].any():
-        return _polynomial(coefficients[:, :, :2] / coefficients[:, :1, 2:], local, order)
     values = [np.zeros((len(parameter), 3)) for _ in range(order + 1)]
     for power in range(degree, -1, -1):
         for index in range(order, 0, -1):
@@ -267,19 +281,26 @@ def evaluate_rational(
 
 
 def _polynomial(coefficients: FloatArray, local: FloatArray, order: int) -> list[FloatArray]:
-    """Horner's rule for value and derivatives, (n, degree + 1, 2) coefficients."""
-    degree = coefficients.shape[1] - 1
-    values = [coefficients[:, degree]]
+    """Horner's rule for value and derivatives, (n, degree + 1, 3) coefficients of one weight each.
+
+    Rows are taken as columns: short inner axes are slow.
+    """
+    table = np.ascontiguousarray(coefficients.T)
+    weight, table = table[2, 0], table[:2]
+    if not (weight == 1).all():
+        table = table / weight
+    degree = table.shape[1] - 1
+    values = [table[:, degree]]
     for power in range(degree - 1, -1, -1):
         step = degree - power
         if step <= order:
             values.append(step * values[-1])
         for index in range(min(order, step - 1), 0, -1):
             values[index] = values[index] * local + index * values[index - 1]
-        values[0] = values[0] * local + coefficients[:, power]
+        values[0] = values[0] * local + table[:, power]
     while len(values) <= order:
         values.append(np.zeros_like(values[0]))
-    return values
+    return [np.ascontiguousarray(value.T) for value in values]
 
 
 def disk_through(chord: FloatArray, normal: FloatArray) -> FloatArray:

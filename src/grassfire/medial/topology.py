@@ -387,8 +387,12 @@ class Topology:
         # half way, where Newton's method went astray.
         open_rows = np.flatnonzero(~(disks.good & empty))
         if len(open_rows) and patient:
-            middle = 0.5 * (nodes.parameter[rows] + nodes.parameter[rows + 1])
-            where = np.where(disks.settled, disks.parameter[:, 0], middle)[open_rows]
+            start, end = nodes.parameter[rows], nodes.parameter[rows + 1]
+            speed = self.sites.speed(site, disks.parameter[:, 0], disks.radius)
+            # Next to a node, as next to the end of a site, disks are rounding.
+            beside = np.minimum(disks.parameter[:, 0] - start, end - disks.parameter[:, 0])
+            apart = disks.settled & (beside * speed > 100 * self.snap)
+            where = np.where(apart, disks.parameter[:, 0], 0.5 * (start + end))[open_rows]
             parts.append(self.plain_nodes(site[open_rows], where, junctions=True))
         elif len(open_rows):
             hard = open_rows
