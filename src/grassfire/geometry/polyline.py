@@ -91,9 +91,10 @@ def fit_polyline(
     eight standard deviations of their noise are thinned out first; the distance of all of them is
     checked, that of the chords between those that are left.
 
-    Lines, arcs and corners of exact data come back. Under noise, bounded by half the tolerance,
-    that is usual but not guaranteed: an arc counts if a line in its place would be off by about
-    80 times the scatter, so that small fillets become splines, and a corner may move by a chord.
+    Lines, arcs and corners of exact data come back where each is long against the tolerance. Under
+    noise, bounded by half the tolerance, that is usual but not guaranteed: an arc counts if a line
+    in its place would be off by about 80 times the scatter, so that small fillets become splines,
+    and a corner may move by a chord.
     Noise above the tolerance leaves the polyline as it is, or is refused where that crosses itself.
     """
     _check_arguments(tolerance, corner_angle)

@@ -52,6 +52,11 @@ class Tangents:
         """Rows `index`."""
         return Tangents(*(getattr(self, item.name)[index] for item in fields(self)))
 
+    def joined(self, other: Tangents) -> Tangents:
+        """All rows of both."""
+        pairs = ((getattr(self, item.name), getattr(other, item.name)) for item in fields(self))
+        return Tangents(*(np.concatenate(pair) for pair in pairs))
+
 
 @dataclass(frozen=True)
 class _Near:

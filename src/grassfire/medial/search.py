@@ -32,6 +32,12 @@ class Contacts:
     parameter: FloatArray
     osculating: BoolArray
 
+    def take(self, rows: slice) -> Contacts:
+        """Some rows."""
+        return Contacts(
+            self.radius[rows], self.partner[rows], self.parameter[rows], self.osculating[rows]
+        )
+
 
 @dataclass(frozen=True)
 class _Candidates:

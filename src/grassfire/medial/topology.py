@@ -16,7 +16,7 @@ import numpy as np
 from grassfire.errors import GeometryError
 from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.crossing import crossing
-from grassfire.medial.nodes import WHOLE, Intervals, Nodes
+from grassfire.medial.nodes import WHOLE, Intervals, Junctions, Nodes
 from grassfire.medial.search import BoundarySearch, Contacts
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
 from grassfire.medial.triple import TripleDisks, common_disk, triple_disks
@@ -58,8 +58,7 @@ class Topology:
         self.snap = snap
         self.vertex_count = 0
         self.contact_arc = self._contact_arcs()
-        self.nodes = self._boundary_events()
-        self.nodes = Nodes.join(self.nodes, self._samples(density))
+        self.nodes = self._first_nodes(density)
 
     # -- first nodes ------------------------------------------------------------------------------
 
@@ -101,16 +100,32 @@ class Topology:
             columns.append(np.where(pair, neighbour, site))
         return np.stack(columns, axis=1)
 
-    def _boundary_events(self) -> Nodes:
-        """Events at the ends of the sites, and their images on the partners."""
+    def _first_nodes(self, density: int) -> Nodes:
+        """Events at the ends of the sites and their images on the partners; nodes between.
+
+        All maximal disks are looked for in one search.
+        """
         sites = self.sites
-        before = np.arange(len(sites))
-        after = sites.following
-        corner = sites.corner_after
-        parts = [self._corner_nodes(before[corner], after[corner])]
-        smooth = np.flatnonzero(~corner)
-        if len(smooth):
-            parts.append(self._junction_nodes(smooth, after[smooth]))
+        after, corner = sites.following, sites.corner_after
+        before = np.flatnonzero(~corner)
+        site, parameter = self._samples(density)
+        junction = Junctions.of(sites, before, after[before])
+        position, normal, curvature = sites.frame(site, parameter)
+        inner = Tangents(position, normal, site, parameter)
+        own = self._own(site)
+        both = np.concatenate([self._own(before), self._own(after[before])], axis=1)
+        contacts = self.search.maximal_disks(
+            junction.tangents.joined(inner),
+            np.concatenate([junction.curvature, curvature]),
+            np.concatenate([both, np.concatenate([own, own], axis=1)]),
+            self.slack,
+        )
+        count = len(before)
+        parts = [
+            self._corner_nodes(np.flatnonzero(corner), after[corner]),
+            self._junction_nodes(junction, contacts.take(slice(0, count))),
+            self._plain(inner, contacts.take(slice(count, None)), junctions=False),
+        ]
         return Nodes.join(*parts)
 
     def _corner_nodes(self, before: IntArray, after: IntArray) -> Nodes:
@@ -129,21 +144,11 @@ class Topology:
         self.vertex_count += count
         return result
 
-    def _junction_nodes(self, before: IntArray, after: IntArray) -> Nodes:
+    def _junction_nodes(self, junction: Junctions, contacts: Contacts) -> Nodes:
         """Smooth junctions and the ends of reflex fans: one disk, seen from both sites."""
         sites = self.sites
-        position, normal, curvature = sites.frame(before, sites.high[before])
-        other_position, other_normal, other_curvature = sites.frame(after, sites.low[after])
-        # A fan has no curvature; its frame is exact at the corner.
-        point = sites.kind[before] == SiteKind.POINT
-        normal = np.where(point[:, None], other_normal, normal)
-        curvature = np.maximum(curvature, other_curvature)
-        excluded = np.concatenate([self._own(before), self._own(after)], axis=1)
-        fan = sites.kind[after] == SiteKind.POINT
-        mean = normal + np.where(fan[:, None], normal, other_normal)
-        mean /= np.hypot(mean[:, 0], mean[:, 1])[:, None]
-        tangents = Tangents(position, mean, before, sites.high[before])
-        contacts = self.search.maximal_disks(tangents, curvature, excluded, self.slack)
+        before, after = junction.before, junction.after
+        position, mean = junction.tangents.position, junction.tangents.normal
         held = self.contact_arc[before] | self.contact_arc[after]
         ends = contacts.osculating | held
         radius = contacts.radius.copy()
@@ -163,8 +168,8 @@ class Topology:
         right = np.where(self.contact_arc[after], WHOLE, right)
         both_low, both_high = sites.low[after], sites.high[before]
         mine = np.ones(len(before), dtype=bool)
-        one = Tangents(position, normal, before, both_high)
-        two = Tangents(other_position, other_normal, after, both_low)
+        one = Tangents(position, junction.normal, before, both_high)
+        two = Tangents(junction.other_position, junction.other_normal, after, both_low)
         # Beside a contact arc the disk is known from the site across the arc.
         known = np.where(ends, np.nan, contacts.parameter)
         smooth = ends & ~held
@@ -253,8 +258,8 @@ class Topology:
         before = np.where(high_ok, sites.following[safe], before)
         return after, before
 
-    def _samples(self, density: int) -> Nodes:
-        """Nodes inside the sites: curved ones show what their ends do not."""
+    def _samples(self, density: int) -> tuple[IntArray, FloatArray]:
+        """Places inside the sites: curved ones show what their ends do not."""
         sites = self.sites
         count = np.full(len(sites), density - 1)
         curved = (sites.kind == SiteKind.SPIRAL) | (sites.kind == SiteKind.ARC)
@@ -263,9 +268,7 @@ class Topology:
         site = np.repeat(np.arange(len(sites)), count)
         index = np.arange(len(site)) - np.repeat(np.cumsum(count) - count, count)
         fraction = (index + 0.5) / count[site]
-        return self.plain_nodes(
-            site, sites.low[site] + (sites.high[site] - sites.low[site]) * fraction
-        )
+        return site, sites.low[site] + (sites.high[site] - sites.low[site]) * fraction
 
     def plain_nodes(self, site: IntArray, parameter: FloatArray, junctions: bool = False) -> Nodes:
         """Nodes at boundary points, with their images on the partners.
@@ -274,6 +277,11 @@ class Topology:
         is kept only where `junctions` asks for it.
         """
         position, normal, contacts = self._disks(site, parameter)
+        return self._plain(Tangents(position, normal, site, parameter), contacts, junctions)
+
+    def _plain(self, tangents: Tangents, contacts: Contacts, junctions: bool) -> Nodes:
+        position, normal = tangents.position, tangents.normal
+        site, parameter = tangents.site, tangents.parameter
         # No partner: the point lies within rounding of an end, which its site's ends carry.
         known = contacts.partner >= 0
         site, parameter = site[known], parameter[known]
