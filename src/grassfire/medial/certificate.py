@@ -264,22 +264,24 @@ def _demand_chain(sites: Sites, graph: Graph, tolerance: float) -> None:
 def _demand_orientation(
     sites: Sites, fit: Fit, row: IntArray, fraction: FloatArray, disks: FloatArray, limit: float
 ) -> None:
-    """Raise where a cell is turned over: an interval runs backwards or 1 - k r is negative."""
+    """Raise where a cell is turned over: an interval runs backwards or 1 - k r is negative.
+
+    What counts is how far the centre would run backwards, from one end of the piece to the other.
+    """
     span, places = fit.span, fit.span.take(row)
     back = np.maximum(span.start - span.end, span.facing_end - span.facing_start)
     parameter = places.start + (places.end - places.start) * fraction
-    for site, at, disk in (
-        (span.site, span.start, span.first_disk),
-        (span.site, span.end, span.last_disk),
-        (span.partner, span.facing_start, span.far_first),
-        (span.partner, span.facing_end, span.far_last),
-        (places.site, parameter, disks),
-        (places.partner, _facing(fit, row, fraction), disks),
+    facing = _facing(fit, row, fraction)
+    for piece, disk, own, other in (
+        (span, span.first_disk, span.start, span.facing_start),
+        (span, span.last_disk, span.end, span.facing_end),
+        (places, disks, parameter, facing),
     ):
-        _, _, curvature = sites.frame(site, at)
-        beyond = disk[:, 2] - 1 / np.maximum(curvature, 1e-300)
+        near, _, _ = motion(sites, piece.site, own, disk[:, 2])
+        far, _, _ = motion(sites, piece.partner, other, disk[:, 2])
+        near, far = near * (piece.end - piece.start), far * (piece.facing_start - piece.facing_end)
         message = "a disk of the medial axis passes the centre of curvature of its site"
-        _demand(sites, disk, beyond, limit + 1e-9 * sites.size, message)
+        _demand(sites, disk, -np.minimum(near, far), limit, message)
     _demand(sites, span.first_disk, back, 0.0, "a cell of the medial axis is turned over")
 
 
