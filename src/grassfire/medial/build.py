@@ -145,7 +145,7 @@ def _corner_angle(pieces: Pieces, smooth_angle: float, size: float) -> FloatArra
     radius = np.where(pieces.extent[:, 1] > 0, radius, 0.0)
     radius = np.maximum(radius, radius[neighbours(pieces.loop)[0]])
     with np.errstate(divide="ignore"):
-        angle = np.minimum(smooth_angle, 5.0 * smooth_angle**2 * size / radius)
+        angle = np.minimum(smooth_angle, 10.0 * smooth_angle**2 * size / radius)
     return np.where(straight, _LINES * smooth_angle, angle)
 
 
