@@ -337,14 +337,14 @@ def _chords(
 
 def _stationarity(
     sites: Sites, near: _Near, parameter: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Derivative of (A) up to a positive factor, its derivative, and (A) itself."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Derivative of (A) times n.(q - p), its derivative, (A) itself and n.(q - p)."""
     point, first, second = evaluate_rational(near.table, parameter, 2)
     chord, height = _chords(sites, near, parameter, point)
     rho = _disk(chord, height)
     finite = np.where(np.isfinite(rho), rho, 0.0)
     towards = chord - finite[:, None] * near.tangents.normal
-    return dot(towards, first), dot(first, first) + dot(towards, second), rho
+    return dot(towards, first), dot(first, first) + dot(towards, second), rho, height
 
 
 def _newton(
@@ -366,7 +366,7 @@ def _newton(
     for step_number in range(24):
         if not len(rows):
             break
-        slope, curve, rho = _stationarity(sites, near, value)
+        slope, curve, rho, height = _stationarity(sites, near, value)
         if step_number == 0:
             first = rho * (1 + 1e-9)
         span = high - low
@@ -379,7 +379,10 @@ def _newton(
         parameter[rows], radius[rows] = new, rho
         # About an osculating disk (A) is flat: Newton's method is slow, but (A) is settled.
         moved = np.abs(new - value)
-        done |= (moved <= 1e-8 * span) & (moved > 0.1 * before)
+        slow = moved > 0.1 * before
+        with np.errstate(invalid="ignore"):
+            settled = np.abs(slope * step) <= 1e-15 * rho * height
+        done |= slow & ((moved <= 1e-8 * span) | settled)
         good[rows] = done & reached & (rho <= first)
         value, before = new, moved
         if done.any():
@@ -404,12 +407,13 @@ def _bracketed(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
     right = grid[rows, np.minimum(best + 1, width - 1)]
     sample, sampled = grid[rows, best], rho[rows, best]
     parameter = sample.copy()
+    before = np.full(count, np.inf)
     active = np.flatnonzero(np.isfinite(sampled))
     for _ in range(60):
         if not len(active):
             break
         value = parameter[active]
-        slope, curve, current = _stationarity(sites, near.take(active), value)
+        slope, curve, current, height = _stationarity(sites, near.take(active), value)
         # Where no disk exists the minimum lies towards the best sample.
         reached = np.isfinite(current)
         rising = np.where(reached, slope > 0, value > sample[active])
@@ -419,8 +423,11 @@ def _bracketed(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
             new = value - slope / curve
         inside = (new > left[active]) & (new < right[active]) & (curve > 0) & reached
         new = np.where(inside, new, 0.5 * (left[active] + right[active]))
-        done = np.abs(new - value) <= 1e-13 * (high - low)[active]
-        parameter[active] = new
+        moved = np.abs(new - value)
+        with np.errstate(invalid="ignore"):
+            settled = np.abs(slope * (new - value)) <= 1e-15 * current * height
+        done = (moved <= 1e-13 * (high - low)[active]) | (settled & (moved > 0.1 * before[active]))
+        parameter[active], before[active] = new, moved
         active = active[~done]
     point = evaluate_rational(near.table, parameter, 0)[0]
     final = _disk(*_chords(sites, near, parameter, point))
