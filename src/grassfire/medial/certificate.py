@@ -428,9 +428,11 @@ def _both_sides(
     point = (sites.kind[span.partner] == SiteKind.POINT)[:, None]
     far = np.where(point, 0.5 * radius * moved * length, far * pace)
     rough = _rough(sites, fit, rows, tolerance) & ~point[:, 0]
-    # Along an arc that is nearly an arc of contact the feet race, unseen by 13 of them.
+    # Along an arc that is nearly an arc of contact the feet race, unseen by 13 of them; in front
+    # of a parabola they were not asked for.
     rounded = (sites.kind[span.partner] == SiteKind.ARC) & (sites.extent[span.partner, 1] > 0)
-    arc = rounded & (radius.max(axis=1) > 0.9 * sites.radius[span.partner])
+    close = radius.max(axis=1) > 0.9 * sites.radius[span.partner]
+    arc = rounded & (close | fit.exact[rows])
     rough = np.flatnonzero(rough | arc)
     far[rough] = 0.0
     total = float(np.sum((near * length + far) @ weight))
