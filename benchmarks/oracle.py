@@ -395,7 +395,7 @@ class ClaimedAxis:
         self.row, self.place = np.concatenate([none, *row]), np.concatenate([0.0 * none, *place])
         self.tree = cKDTree(self.disks)
 
-    def distance(self, disks: FloatArray, near: int = 32) -> FloatArray:
+    def distance(self, disks: FloatArray, near: int = 192) -> FloatArray:
         """Distance in (x, y, r) of disks (n, 3) to the vertices and edges.
 
         The edges of the `near` nearest samples are looked at: more than meet at a vertex.
