@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
+
+from outlines import interpolating_loop as spline_loop
 
 from grassfire.geometry import Arc, Bezier, Curve, EllipticalArc, Line, Loop, Region
 
@@ -29,21 +34,6 @@ def circle_loop(centre: ArrayLike, radius: float, parts: int = 1) -> Loop:
     step = TURN / parts
     arcs = [Arc(np.asarray(centre, float), radius, k * step, step) for k in range(parts)]
     return Loop(tuple(arcs))
-
-
-def spline_loop(points: ArrayLike) -> Loop:
-    """Periodic cubic spline through the points, centripetal, one Bezier curve a span."""
-    given = np.asarray(points, dtype=np.float64)
-    closed = np.concatenate([given, given[:1]])
-    chord = np.hypot(*np.diff(closed, axis=0).T)
-    knots = np.concatenate([[0.0], np.cumsum(np.sqrt(chord))])
-    slope = CubicSpline(knots, closed, bc_type="periodic")(knots, 1)
-    pieces = []
-    for index, width in enumerate(np.diff(knots)):
-        first, last = closed[index], closed[index + 1]
-        handles = first + slope[index] * width / 3, last - slope[index + 1] * width / 3
-        pieces.append(Bezier(np.array([first, *handles, last])))
-    return Loop(tuple(pieces))
 
 
 def polar(radius: ArrayLike, angle: ArrayLike) -> FloatArray:

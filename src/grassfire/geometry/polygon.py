@@ -22,19 +22,7 @@ from grassfire.geometry.loop import JunctionTable, Loop
 
 
 class Polygon(Loop):
-    """The loop of lines between consecutive points; `Loop.from_points` makes it.
-
-    Parameters
-    ----------
-    points : (n, 2) array_like
-        In mm, in order. The last may repeat the first; a point equal to the one before it is
-        dropped.
-
-    Raises
-    ------
-    GeometryError
-        For another shape, values that are not finite, or fewer than three points that remain.
-    """
+    """The loop of lines between consecutive points; see `Loop.from_points`, which makes it."""
 
     _vertices: FloatArray
 

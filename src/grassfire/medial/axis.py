@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from grassfire import tolerance as default
 from grassfire.errors import GeometryError
 from grassfire.geometry import Bezier, Region
-from grassfire.geometry.chebyshev import bernstein
 from grassfire.medial import (
     archive,
     extrema,
@@ -40,17 +39,31 @@ from grassfire.medial.topology import Topology
 if TYPE_CHECKING:
     import networkx
 
+
+class _Attempt(NamedTuple):
+    """How the axis is computed: what samples miss breaks the pairing or the certificate, turns
+    between smooth and sharp and vertices that all but agree may defeat both."""
+
+    density: int
+    """Of samples and first nodes."""
+    widening: float
+    """Factor on the smooth angle."""
+    least_fan: float
+    """As a share of that angle."""
+    blur: float
+    """Factor on the length below which two boundary points are one by rounding."""
+    merged: float
+    """Share of the tolerance within which vertices are one."""
+
+
 _ATTEMPTS = (
-    (1, 1.0, 0.0, 1.0, 0.1),
-    (1, 0.5, 0.0, 1.0, 0.4),
-    (4, 1.0, 0.0, 10.0, 0.0),
-    (1, 1.0, 1.0, 100.0, 0.4),
-    (2, 3.0, 1.0, 1.0, 0.4),
-    (16, 1.0, 1.0, 10.0, 0.4),
+    _Attempt(1, 1.0, 0.0, 1.0, 0.1),
+    _Attempt(1, 0.5, 0.0, 1.0, 0.4),
+    _Attempt(4, 1.0, 0.0, 10.0, 0.0),
+    _Attempt(1, 1.0, 1.0, 100.0, 0.4),
+    _Attempt(2, 3.0, 1.0, 1.0, 0.4),
+    _Attempt(16, 1.0, 1.0, 10.0, 0.4),
 )
-"""Density of samples and first nodes, factor on the smooth angle, least fan as a share of that
-angle, factor on the length below which two boundary points are one by rounding, and the share of
-the tolerance within which vertices are merged."""
 
 
 @dataclass(frozen=True)
@@ -188,22 +201,9 @@ class MedialAxis:
         """
         return extrema.critical(self)
 
-    @cached_property
-    def by_degree(self) -> list[tuple[int, IntArray, FloatArray]]:
-        """Pieces grouped by degree: (degree, rows, (k, degree + 1, 3) coefficients)."""
-        return self.fit.tables()
-
     def disks(self, row: IntArray, fraction: FloatArray) -> FloatArray:
         """(k, 3) disks (x, y, r) of pieces `row` at `fraction`, relative to the sites' origin."""
-        result = np.zeros((len(row), 3))
-        degree = self.fit.degree[row]
-        for value in np.unique(degree):
-            members = np.flatnonzero(degree == value)
-            basis = bernstein(int(value), fraction[members])
-            first = self.fit.offset[row[members], None]
-            table = self.fit.control[first + np.arange(value + 1)]
-            result[members] = np.einsum("ij,ijk->ik", basis, table)
-        return result
+        return recover.jets(self.fit, row, fraction, 0)[0]
 
     def largest_disk(self) -> tuple[FloatArray, float]:
         """Centre and radius of a largest inscribed disk, mm; see `extrema.largest_disk`."""
@@ -375,8 +375,6 @@ def medial_axis(
 def _certified(region: Region, tol: float, angular_tolerance: float) -> MedialAxis:
     """The transform of one region, from the first attempt that can be certified."""
     last: GeometryError | None = None
-    # Whatever the samples missed breaks the pairing or the certificate: look again, closer. Turns
-    # between smooth and sharp that rounding cannot resolve are then taken as smooth.
     for attempt in _ATTEMPTS:
         try:
             return _compute(region, tol, angular_tolerance, attempt)
@@ -386,20 +384,17 @@ def _certified(region: Region, tol: float, angular_tolerance: float) -> MedialAx
     raise last
 
 
-def _compute(
-    region: Region,
-    tol: float,
-    angular_tolerance: float,
-    attempt: tuple[int, float, float, float, float],
-) -> MedialAxis:
-    density, widening, least_fan, blur, share = attempt
-    turn = widening * _smooth_angle(region, tol, angular_tolerance)
+def _compute(region: Region, tol: float, angular_tolerance: float, attempt: _Attempt) -> MedialAxis:
+    turn = attempt.widening * _smooth_angle(region, tol, angular_tolerance)
+    least_fan, merged = max(attempt.least_fan * turn, 1e-9), attempt.merged * tol
     clock = [time.perf_counter()]
-    sites, beziers = build_sites(region, turn, max(least_fan * turn, 1e-9), share * tol)
+    sites, beziers = build_sites(region, turn, least_fan, merged)
     clock.append(time.perf_counter())
-    search = BoundarySearch(sites, region.area, density)
+    search = BoundarySearch(sites, region.area, attempt.density)
     clock.append(time.perf_counter())
-    topology = Topology(sites, search, blur * _rounding(region, sites), turn, density)
+    topology = Topology(
+        sites, search, attempt.blur * _rounding(region, sites), turn, attempt.density
+    )
     graph = build_graph(topology)
     clock.append(time.perf_counter())
     rounding = 1e-15 * float(np.max(np.abs(region.bounds())))

@@ -8,10 +8,11 @@ differences of the curves themselves, which do not cancel.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from grassfire.medial.columns import Columns
 from grassfire.medial.sites import (
     BoolArray,
     FloatArray,
@@ -29,7 +30,7 @@ _GRID = np.concatenate([[0.0], _CROWD, np.linspace(0.0, 1.0, 15)[1:-1], 1 - _CRO
 
 
 @dataclass(frozen=True)
-class Tangents:
+class Tangents(Columns):
     """Boundary points p with normals n, one row a contact to be found.
 
     Attributes
@@ -48,18 +49,9 @@ class Tangents:
     def __len__(self) -> int:
         return len(self.site)
 
-    def take(self, index: IntArray) -> Tangents:
-        """Rows `index`."""
-        return Tangents(*(getattr(self, item.name)[index] for item in fields(self)))
-
-    def joined(self, other: Tangents) -> Tangents:
-        """All rows of both."""
-        pairs = ((getattr(self, item.name), getattr(other, item.name)) for item in fields(self))
-        return Tangents(*(np.concatenate(pair) for pair in pairs))
-
 
 @dataclass(frozen=True)
-class _Near:
+class _Near(Columns):
     """Tangents against spirals: how their chords are formed.
 
     `same`: both on one Bezier curve. `adjacent`: the sites meet in j, at `end` of the target;
@@ -75,12 +67,6 @@ class _Near:
     relative: FloatArray
     rise: FloatArray
     table: FloatArray
-
-    def take(self, index: IntArray) -> _Near:
-        return _Near(
-            self.tangents.take(index),
-            *(getattr(self, item.name)[index] for item in fields(self)[1:]),
-        )
 
 
 def contact(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from grassfire.geometry.chebyshev import nodes
+from grassfire.medial.columns import Columns
 from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.graph import Graph
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
@@ -27,7 +28,7 @@ _PREFERENCE[SiteKind.SPIRAL, SiteKind.LINE] = 4
 
 
 @dataclass(frozen=True)
-class Span:
+class Span(Columns):
     """Pieces of edges seen from both sides; one row a polynomial edge.
 
     Along row k the parameter of `site` runs from `start` to `end` (increasing), that of `partner`
@@ -53,10 +54,6 @@ class Span:
     def __len__(self) -> int:
         return len(self.site)
 
-    def take(self, index: IntArray) -> Span:
-        """Rows `index`."""
-        return Span(*(getattr(self, item.name)[index] for item in fields(self)))
-
     def parameter(self, fraction: FloatArray) -> FloatArray:
         """(k, n) parameters of the sites at fractions (n,) or (k, n)."""
         return np.asarray(self.start[:, None] + (self.end - self.start)[:, None] * fraction)
@@ -68,13 +65,6 @@ class Span:
             self.last, self.first, self.edge,
             self.far_last, self.far_first, self.last_disk, self.first_disk,
         )  # fmt: skip
-
-    @staticmethod
-    def join(spans: list[Span]) -> Span:
-        """All rows of all spans."""
-        return Span(
-            *(np.concatenate([getattr(span, f.name) for span in spans]) for f in fields(Span))
-        )
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ def critical(axis: MedialAxis) -> tuple[IntArray, FloatArray, FloatArray, FloatA
 
     Rows are those of the fit. The sign is -1 for maxima and +1 for minima (necks).
     """
-    found = [_sign_changes(axis, *group) for group in axis.by_degree if group[0] >= 2]
+    found = [_sign_changes(axis, *group) for group in axis.fit.tables() if group[0] >= 2]
     row = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in found)])
     place = np.concatenate([np.zeros(0), *(part[1] for part in found)])
     sign = np.concatenate([np.zeros(0), *(part[2] for part in found)])

@@ -15,6 +15,7 @@ import numpy as np
 
 from grassfire.errors import GeometryError
 from grassfire.geometry.chebyshev import bernstein, interpolate_to_bezier, nodes
+from grassfire.medial.columns import Columns
 from grassfire.medial.edges import (
     DEGREES,
     NODES,
@@ -56,7 +57,7 @@ _CHORDS = 399
 
 
 @dataclass(frozen=True)
-class _Pieces:
+class _Pieces(Columns):
     """Spans with their polynomials: degree (0: none is good enough), coefficients (k, 13, 3) of
     which the first degree + 1 count, error and the one aimed at, contacts (k, 13) and disks
     (k, 13, 3) at the Chebyshev points, the largest 1 - k r at the ends (k,), which is 0 where
@@ -73,22 +74,6 @@ class _Pieces:
     sharpness: FloatArray
     slope: FloatArray
     grade: IntArray
-
-    def take(self, index: IntArray) -> _Pieces:
-        return _Pieces(
-            self.span.take(index),
-            *(getattr(self, item.name)[index] for item in fields(self)[1:]),
-        )
-
-    @staticmethod
-    def join(parts: list[_Pieces]) -> _Pieces:
-        return _Pieces(
-            Span.join([part.span for part in parts]),
-            *(
-                np.concatenate([getattr(part, item.name) for part in parts])
-                for item in fields(_Pieces)[1:]
-            ),
-        )
 
 
 def fit_edges(
@@ -145,7 +130,7 @@ def fit_edges(
     else:
         place = span.first_disk[0, :2] + sites.origin
         raise GeometryError("an edge of the axis does not converge", place=tuple(place))
-    every = _drawable(sites, _Pieces.join(done), joints, drawing_tolerance)
+    every = _drawable(sites, _Pieces.join(*done), joints, drawing_tolerance)
     return _as_fit(sites, every, np.concatenate(joints))
 
 
@@ -173,7 +158,7 @@ def _turned(
     turned = _interpolate(sites, same, goal, steady)
     if not turned.degree.all():
         turned = _interpolate(sites, same.swapped(), np.full(len(same), tolerance), ~steady)
-    return _Pieces.join([pieces.take(np.flatnonzero(~lost)), turned])
+    return _Pieces.join(pieces.take(np.flatnonzero(~lost)), turned)
 
 
 def _ends(sites: Sites, span: Span) -> tuple[FloatArray, FloatArray]:
@@ -473,7 +458,7 @@ def _drawable(sites: Sites, pieces: _Pieces, joints: list[FloatArray], tolerance
     if not len(long):
         return pieces
     keep = pieces.take(np.flatnonzero(parts == 1))
-    return _Pieces.join([keep, _cut(sites, pieces.take(long), parts[long], joints)])
+    return _Pieces.join(keep, _cut(sites, pieces.take(long), parts[long], joints))
 
 
 def _bend(table: FloatArray) -> FloatArray:

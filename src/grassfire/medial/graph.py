@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from grassfire.errors import GeometryError
+from grassfire.medial.columns import equal_rows
 from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.nodes import WHOLE, Intervals, Nodes
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, Sites
@@ -184,9 +185,9 @@ def _neighbours(
 ) -> list[IntArray]:
     """Links between events nearer than `length`: those of a cell in a row, then the cells."""
     disk = np.concatenate([centre, radius[:, None]], axis=1)
-    cell = np.floor(disk / (0.5 * length))
-    order = np.lexsort(cell.T)
-    same = np.all(np.diff(cell[order], axis=0) == 0, axis=1)
+    cell = equal_rows(np.floor(disk / (0.5 * length)).T)
+    order = np.argsort(cell, kind="stable")
+    same = np.diff(cell[order]) == 0
     within = np.stack([identity[order[:-1]][same], identity[order[1:]][same]])
     first = order[np.concatenate([[True], ~same])]
     near = cKDTree(disk[first]).query_pairs(length, output_type="ndarray")
@@ -230,12 +231,8 @@ def _pair(site: IntArray, partner: IntArray, first: IntArray, last: IntArray) ->
         return mate
     forward = np.stack([site, partner, first, last])[:, rows]
     backward = np.stack([partner, site, last, first])[:, rows]
-    # Both lists in lexicographic order: equal columns stand at equal ranks.
     both = np.concatenate([forward, backward], axis=1)
-    order = np.lexsort(both[::-1])
-    step = np.any(np.diff(both[:, order], axis=1) != 0, axis=0)
-    rank = np.empty(both.shape[1], dtype=np.int64)
-    rank[order] = np.concatenate([[0], np.cumsum(step)])
+    rank = equal_rows(both)
     holder = np.full(int(rank.max()) + 1, -1, dtype=np.int64)
     holder[rank[: len(rows)]] = rows
     mate[rows] = holder[rank[len(rows) :]]

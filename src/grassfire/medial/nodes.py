@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
+from grassfire.medial.columns import Columns
 from grassfire.medial.contact import Tangents
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
 
@@ -14,7 +15,7 @@ WHOLE = -2
 
 
 @dataclass(frozen=True)
-class Nodes:
+class Nodes(Columns):
     """Boundary points with known maximal disks, one row each.
 
     `left` and `right` are the partners before and after the node along its site; `vertex` is -1 for
@@ -34,17 +35,6 @@ class Nodes:
 
     def __len__(self) -> int:
         return len(self.site)
-
-    def take(self, index: IntArray | BoolArray) -> Nodes:
-        """Rows `index`."""
-        return Nodes(*(getattr(self, item.name)[index] for item in fields(self)))
-
-    @staticmethod
-    def join(*parts: Nodes) -> Nodes:
-        """All rows of all parts."""
-        return Nodes(
-            *(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Nodes))
-        )
 
 
 @dataclass(frozen=True)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from grassfire.errors import GeometryError
 from grassfire.geometry import Arc, Bezier, Line, Region
 from grassfire.geometry.curve import Curve
+from grassfire.medial.columns import Columns
 from grassfire.medial.disguise import by_degree, homogeneous_table, unmask
 from grassfire.medial.sites import (
-    BoolArray,
     FloatArray,
     IntArray,
     SiteKind,
@@ -30,7 +30,7 @@ LARGEST_RADIUS = 1e3
 
 
 @dataclass
-class Pieces:
+class Pieces(Columns):
     """Columns of pieces in boundary order; coordinates are about the region's centre.
 
     Attributes
@@ -84,10 +84,6 @@ class Pieces:
             kind, anchor, extent, radius, start, end, first, last, reach,
             np.zeros(count), np.ones(count), bezier, loop, curve,
         )  # fmt: skip
-
-    def take(self, rows: IntArray | BoolArray) -> Pieces:
-        """Return some of the rows."""
-        return Pieces(*(getattr(self, item.name)[rows] for item in fields(self)))
 
     def set_lines(self, rows: IntArray, start: FloatArray, end: FloatArray) -> None:
         """Make rows the lines between points (n, 2)."""

@@ -67,27 +67,26 @@ def recover_boundary(
     fraction = np.linspace(0.0, 1.0, samples_per_edge)
     row = np.repeat(kept, samples_per_edge)
     place = np.tile(fraction, len(kept))
-    left, right = envelope(*jets(axis.fit, row, place), place)
+    disks, first, second = jets(axis.fit, row, place)
+    left, right = envelope(disks, first, second, place)
     edge = np.repeat(np.arange(len(kept)), samples_per_edge)
     return edge, place, left + axis.sites.origin, right + axis.sites.origin
 
 
-def jets(
-    fit: Fit, row: IntArray, fraction: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Disks (x, y, r) of pieces `row` (n,) at `fraction` (n,), and two derivatives, (n, 3) each."""
-    result = [np.zeros((len(row), 3)) for _ in range(3)]
+def jets(fit: Fit, row: IntArray, fraction: FloatArray, orders: int = 2) -> list[FloatArray]:
+    """Disks (x, y, r) of pieces `row` (n,) at `fraction` (n,), and derivatives, (n, 3) each."""
+    result = [np.zeros((len(row), 3)) for _ in range(orders + 1)]
     degrees = fit.degree[row]
     for degree in np.unique(degrees):
         members = np.flatnonzero(degrees == degree)
         table = fit.control[fit.offset[row[members], None] + np.arange(degree + 1)]
-        family = bernstein_family(int(degree), fraction[members], 2)
+        family = bernstein_family(int(degree), fraction[members], orders)
         for order, (values, basis) in enumerate(zip(result, family, strict=True)):
             if order:
                 table = (degree + 1 - order) * np.diff(table, axis=1)
             if table.shape[1]:
                 values[members] = np.einsum("ij,ijk->ik", basis, table)
-    return result[0], result[1], result[2]
+    return result
 
 
 def envelope(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from grassfire.medial.columns import Columns
 from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, disk_through
 
@@ -20,7 +21,7 @@ points are given more neighbours at once."""
 
 
 @dataclass(frozen=True)
-class Contacts:
+class Contacts(Columns):
     """Maximal disks at boundary points: radius (n,), partner site (n,), its parameter (n,).
 
     `partner` is -1 where nothing but the curvature at the point bounds the disk; `osculating` tells
@@ -31,12 +32,6 @@ class Contacts:
     partner: IntArray
     parameter: FloatArray
     osculating: BoolArray
-
-    def take(self, rows: slice) -> Contacts:
-        """Some rows."""
-        return Contacts(
-            self.radius[rows], self.partner[rows], self.parameter[rows], self.osculating[rows]
-        )
 
 
 @dataclass(frozen=True)
@@ -82,12 +77,8 @@ class BoundarySearch:
         count = np.maximum(np.ceil(length / spacing), np.ceil(turn / 0.35))
         count = np.maximum(count, 1).astype(np.int64)
         count[~curved] = 1
-        site = np.repeat(np.arange(len(sites)), count)
-        index = np.arange(len(site)) - np.repeat(np.cumsum(count) - count, count)
-        fraction = (index + 0.5) / count[site]
-        self.site = site
-        self.parameter = sites.low[site] + (sites.high[site] - sites.low[site]) * fraction
-        self.point = sites.point(site, self.parameter)
+        self.site, self.parameter = sites.spread(count)
+        self.point = sites.point(self.site, self.parameter)
         # Points on curves: such nodes make far queries up to 80 times faster.
         self.tree = cKDTree(self.point, compact_nodes=False, balanced_tree=False)
         self.half, self.bulge = self._cover(turn / count)
@@ -119,7 +110,7 @@ class BoundarySearch:
         do not count: about the centre of a circle all do.
         """
         if outside:
-            return farthest >= radius + self.half_step + self.most_bulge
+            return np.asarray(farthest >= radius + self.half_step + self.most_bulge)
         least = np.maximum(farthest - self.most_bulge, 0.0) ** 2 - self.half_step**2
         return np.asarray(np.sqrt(np.maximum(least, 0.0)) >= radius - slack)
 
@@ -199,9 +190,9 @@ class BoundarySearch:
             for item in range(excluded.shape[1]):
                 allowed &= owner != excluded[:, item, None]
         shown = np.where(allowed, away, np.inf).min(axis=1)
-        # A sample that the disk touches must not be lost to rounding.
         # A disk is wanted to its whole radius: its nearest site may end before it touches.
         limit = np.where(np.isfinite(radius), radius, shown)
+        # A sample that the disk touches must not be lost to rounding.
         allowance = limit * (1 + 1e-9)
         if outside:
             bound = allowance[:, None] + self.half[owner] + self.bulge[owner]
@@ -209,8 +200,7 @@ class BoundarySearch:
             bound = np.hypot(allowance[:, None], self.half[owner]) + self.bulge[owner]
         allowed &= away <= bound
         complete = self._complete(away[:, -1], limit, slack, outside)
-        if wanted == len(self.site):
-            complete = np.ones(len(centre), dtype=bool)
+        complete |= wanted == len(self.site)
         row, column = np.nonzero(allowed)
         target = owner[row, column]
         # The nearest sample of each site: rows are in order and so are samples within a row.
@@ -221,9 +211,7 @@ class BoundarySearch:
         head[1:] = ordered[1:] != ordered[:-1]
         chosen = order[head]
         row, column = row[chosen], column[chosen]
-        return _Candidates(
-            row, target[chosen], self.parameter[index[row, column]], np.asarray(complete)
-        )
+        return _Candidates(row, target[chosen], self.parameter[index[row, column]], complete)
 
     # -- maximal disks ----------------------------------------------------------------------------
 

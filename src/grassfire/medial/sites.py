@@ -90,6 +90,13 @@ class Sites:
     def __len__(self) -> int:
         return len(self.kind)
 
+    def spread(self, count: IntArray) -> tuple[IntArray, FloatArray]:
+        """Sites and parameters of the middles of `count` (m,) equal parts of every site."""
+        site = np.repeat(np.arange(len(self)), count)
+        index = np.arange(len(site)) - np.repeat(np.cumsum(count) - count, count)
+        fraction = (index + 0.5) / count[site]
+        return site, self.low[site] + (self.high[site] - self.low[site]) * fraction
+
     def derivatives(self, site: IntArray, parameter: FloatArray, order: int) -> list[FloatArray]:
         """Point and derivatives up to `order` (at most 3), each of shape (n, 2)."""
         kind = self.kind[site]

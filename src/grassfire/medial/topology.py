@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from grassfire.errors import GeometryError
+from grassfire.medial.columns import equal_rows
 from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.crossing import crossing
 from grassfire.medial.nodes import WHOLE, Intervals, Junctions, Nodes
@@ -56,6 +57,8 @@ class Topology:
         self.slack = max(1e-12, smooth_angle**2)
         self.search = search
         self.snap = snap
+        # Length by which disks that are one may differ.
+        self.rounding = snap * 0.1 + 1e-13 * sites.size
         self.vertex_count = 0
         self.contact_arc = self._contact_arcs()
         self.nodes = self._first_nodes(density)
@@ -115,7 +118,7 @@ class Topology:
         own = self._own(site)
         both = np.concatenate([self._own(before), self._own(after[before])], axis=1)
         contacts = self.search.maximal_disks(
-            junction.tangents.joined(inner),
+            Tangents.join(junction.tangents, inner),
             np.concatenate([junction.curvature, curvature]),
             np.concatenate([both, np.concatenate([own, own], axis=1)]),
             self.slack,
@@ -265,10 +268,7 @@ class Topology:
         curved = (sites.kind == SiteKind.SPIRAL) | (sites.kind == SiteKind.ARC)
         count[curved] = density
         count[self.contact_arc] = 0
-        site = np.repeat(np.arange(len(sites)), count)
-        index = np.arange(len(site)) - np.repeat(np.cumsum(count) - count, count)
-        fraction = (index + 0.5) / count[site]
-        return site, sites.low[site] + (sites.high[site] - sites.low[site]) * fraction
+        return sites.spread(count)
 
     def plain_nodes(self, site: IntArray, parameter: FloatArray, junctions: bool = False) -> Nodes:
         """Nodes at boundary points, with their images on the partners.
@@ -383,9 +383,8 @@ class Topology:
             bad = rows[~usable][0]
             place = nodes.centre[bad] + self.sites.origin
             raise GeometryError("a contact arc is interrupted", place=tuple(place))
-        slack = self.snap * 0.1 + 1e-13 * self.sites.size
-        disks = self._triples(nodes, rows, one, other, slack)
-        empty = self._empty(disks, slack)
+        disks = self._triples(nodes, rows, one, other)
+        empty = self._empty(disks)
         parts: list[Nodes] = []
         known = np.flatnonzero(disks.good & empty)
         if len(known):
@@ -403,13 +402,10 @@ class Topology:
             where = np.where(apart, disks.parameter[:, 0], 0.5 * (start + end))[open_rows]
             parts.append(self.plain_nodes(site[open_rows], where, junctions=True))
         elif len(open_rows):
-            hard = open_rows
-            parts.extend(self._bracketed(nodes, rows[hard], one[hard], other[hard]))
+            parts.extend(self._bracketed(nodes, rows[open_rows], one[open_rows], other[open_rows]))
         return parts
 
-    def _triples(
-        self, nodes: Nodes, rows: IntArray, one: IntArray, other: IntArray, slack: float
-    ) -> TripleDisks:
+    def _triples(self, nodes: Nodes, rows: IntArray, one: IntArray, other: IntArray) -> TripleDisks:
         """Disks tangent to a site and both its partners, between two nodes."""
         site = nodes.site[rows]
         left, right = nodes.parameter[rows], nodes.parameter[rows + 1]
@@ -420,7 +416,7 @@ class Topology:
         parameter = np.concatenate([0.5 * (left + right)[:, None], facing], axis=1)
         centre = 0.5 * (nodes.centre[rows] + nodes.centre[rows + 1])
         radius = 0.5 * (nodes.radius[rows] + nodes.radius[rows + 1])
-        disks = self._rounds(triple, slack)
+        disks = self._rounds(triple)
         rest = np.flatnonzero(~disks.good)
         if len(rest):
             found = triple_disks(
@@ -442,20 +438,20 @@ class Topology:
         disks.parameter[:, 0] = np.clip(mine, left, right)
         return replace(disks, good=disks.good & inside, settled=disks.settled & inside)
 
-    def _empty(self, disks: TripleDisks, slack: float) -> BoolArray:
+    def _empty(self, disks: TripleDisks) -> BoolArray:
         """Whether no other site reaches into the disks; equal disks are looked at once."""
         result = np.zeros(len(disks.good), dtype=bool)
         rows = np.flatnonzero(disks.good)
         if not len(rows):
             return result
-        group = _same_cell(disks.centre[rows], 1e-10 * self.sites.size)
+        group = equal_rows(np.round(disks.centre[rows] / (1e-10 * self.sites.size)).T)
         _, first, members = np.unique(group, return_index=True, return_counts=True)
         away, _, _ = self.search.nearest(disks.centre[rows[first]])
         away[members > 1] += 1e-10 * self.sites.size
-        result[rows] = disks.radius[rows] <= away[group] + slack
+        result[rows] = disks.radius[rows] <= away[group] + self.rounding
         return result
 
-    def _rounds(self, triple: IntArray, slack: float) -> TripleDisks:
+    def _rounds(self, triple: IntArray) -> TripleDisks:
         """Disks common to long runs of sites, each of which meets its neighbours.
 
         About the centre of a regular polygon of very many sides every three neighbours have a disk
@@ -474,10 +470,10 @@ class Topology:
         length = np.bincount(run[: len(rows)]) if len(rows) else np.zeros(0, dtype=np.int64)
         for number in np.flatnonzero(length > _CROWD):
             members = rows[run == number]
-            fit = common_disk(sites, triple[members], slack)
+            fit = common_disk(sites, triple[members], self.rounding)
             if fit is None:
                 continue
-            touching = np.abs(fit.residual).max(axis=1) <= slack
+            touching = np.abs(fit.residual).max(axis=1) <= self.rounding
             chosen = members[touching]
             centre[chosen], radius[chosen] = fit.centre, fit.radius
             parameter[chosen], good[chosen] = fit.parameter[touching], True
@@ -515,9 +511,8 @@ class Topology:
         site = nodes.site[rows]
         parameter, radius, facing = crossing(self.sites, nodes, rows, one, other)
         position, normal, contacts = self._disks(site, parameter)
-        slack = self.snap * 0.1 + 1e-13 * self.sites.size
         known = contacts.partner >= 0
-        third = known & (contacts.radius < radius - slack)
+        third = known & (contacts.radius < radius - self.rounding)
         third &= (contacts.partner != one) & (contacts.partner != other)
         # Where neither partner is in reach, or the disk can grow, nothing crosses.
         third |= known & ~(contacts.radius <= radius * (1 + 1e-6))
@@ -544,13 +539,7 @@ class Topology:
     # -- intervals --------------------------------------------------------------------------------
 
     def intervals(self) -> Intervals:
-        """Stretches between events; plain nodes have served.
-
-        Raises
-        ------
-        GeometryError
-            Where the partner of a stretch is not settled.
-        """
+        """Stretches between events; plain nodes have served."""
         nodes = self.nodes
         rows, label = self._gaps(nodes)
         # Group k of a site ends at row `rows` of its stretch or at the end of the site.
@@ -588,13 +577,3 @@ class Topology:
             last_node=last_node,
             group=group,
         )
-
-
-def _same_cell(points: FloatArray, length: float) -> IntArray:
-    """Number of the cell of a grid that each point lies in."""
-    cell = np.round(points / length)
-    order = np.lexsort(cell.T)
-    step = np.any(np.diff(cell[order], axis=0) != 0, axis=1)
-    result: IntArray = np.zeros(len(points), dtype=np.int64)
-    result[order] = np.concatenate([[0], np.cumsum(step)])
-    return result

@@ -59,7 +59,7 @@ def triple_disks(
         if not len(rows):
             break
         part = _Feet(sites, triple[rows].ravel(), parameter[rows].ravel().copy())
-        away, gradient = part.distances(np.repeat(centre[rows], 3, axis=0), 1)
+        away, gradient = part.distances(np.repeat(centre[rows], 3, axis=0))
         away, gradient = away.reshape(-1, 3), gradient.reshape(-1, 3, 2)
         shift, jump, determinant[rows] = _solve(gradient, away)
         reach = np.hypot(shift[:, 0], shift[:, 1])
@@ -124,12 +124,12 @@ def _least_squares(
     feet = _Feet(sites, triple.ravel(), np.full(triple.size, 0.5))
     radius = 0.0
     for _ in range(3):
-        away, gradient = feet.distances(np.broadcast_to(centre, (triple.size, 2)), 1)
+        away, gradient = feet.distances(np.broadcast_to(centre, (triple.size, 2)))
         matrix = np.concatenate([gradient, -np.ones((len(gradient), 1))], axis=1)
         # Normal equations: three unknowns, each gradient of length one.
         step = np.linalg.lstsq(matrix.T @ matrix, -matrix.T @ away, rcond=None)[0]
         centre, radius = centre + step[:2], float(step[2])
-    away, _ = feet.distances(np.broadcast_to(centre, (triple.size, 2)), 1)
+    away, _ = feet.distances(np.broadcast_to(centre, (triple.size, 2)))
     return centre, radius, (away - radius).reshape(-1, 3), feet.parameter.reshape(-1, 3)
 
 
@@ -141,7 +141,7 @@ class _Feet:
     site: IntArray
     parameter: FloatArray
 
-    def distances(self, centre: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
+    def distances(self, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Signed distances (n,) of the centres to the sites, carried on beyond their ends, and
         the gradients (n, 2)."""
         sites, site = self.sites, self.site
@@ -157,7 +157,7 @@ class _Feet:
                 away[rows], gradient[rows] = method(rows, centre[rows])
         rows = np.flatnonzero(kind == SiteKind.SPIRAL)
         if len(rows):
-            away[rows], gradient[rows] = self._spiral(rows, centre[rows], steps)
+            away[rows], gradient[rows] = self._spiral(rows, centre[rows])
         return away, gradient
 
     def _line(self, rows: IntArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -191,21 +191,18 @@ class _Feet:
         self.parameter[rows] = 0.5 + delta / turn
         return distance, offset / np.maximum(distance, 1e-300)[:, None]
 
-    def _spiral(
-        self, rows: IntArray, centre: FloatArray, steps: int
-    ) -> tuple[FloatArray, FloatArray]:
+    def _spiral(self, rows: IntArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
         site = self.site[rows]
         low, high = self.sites.low[site], self.sites.high[site]
         margin = 0.05 * (high - low)
-        for _ in range(steps):
-            point, first, second = self.sites.derivatives(site, self.parameter[rows], 2)
-            offset = point - centre
-            slope, flat = dot(offset, first), dot(first, first)
-            curve = flat + dot(offset, second)
-            curve = np.where(curve > 1e-6 * flat, curve, flat)
-            new = self.parameter[rows] - slope / curve
-            self.parameter[rows] = np.clip(new, low - margin, high + margin)
-        point, first, _ = self.sites.derivatives(site, self.parameter[rows], 2)
+        point, first, second = self.sites.derivatives(site, self.parameter[rows], 2)
+        offset = point - centre
+        slope, flat = dot(offset, first), dot(first, first)
+        curve = flat + dot(offset, second)
+        curve = np.where(curve > 1e-6 * flat, curve, flat)
+        new = self.parameter[rows] - slope / curve
+        self.parameter[rows] = np.clip(new, low - margin, high + margin)
+        point, first = self.sites.derivatives(site, self.parameter[rows], 1)
         speed = np.hypot(first[:, 0], first[:, 1])
         normal = np.stack([-first[:, 1], first[:, 0]], axis=1) / speed[:, None]
         return dot(centre - point, normal), normal
