@@ -180,7 +180,9 @@ class Operation(_Settings):
     stepdown: PositiveLength = Field(default=0.0, description="most per pass; default: depth")
     stepover: float | None = Field(None, gt=0, le=1, description="fraction of the diameter")
     engagement_angle: float | None = Field(None, gt=0, le=180, description="degrees")
-    direction: Literal["climb", "conventional"] = "climb"
+    direction: Literal["climb", "conventional", "both"] = Field(
+        "climb", description="both: cuts run either way where that saves return moves (adaptive)"
+    )
     radial_allowance: NonNegativeLength = 0.0
     axial_allowance: NonNegativeLength = 0.0
     entry: Literal["helix", "ramp", "plunge"] = "helix"
@@ -188,6 +190,9 @@ class Operation(_Settings):
     finish_pass: bool = True
     layers: tuple[str, ...] = Field((), description="glob patterns; empty: those of [input]")
     link_feed: Speed | None = None
+    minimum_path_radius: float = Field(
+        0.1, ge=0, le=0.5, description="of cuts in stock, fraction of the diameter"
+    )
     name: str = ""
 
     @model_validator(mode="before")
@@ -211,6 +216,8 @@ class Operation(_Settings):
             _conflict("engagement_angle", "contradicts stepover; give one of the two")
         if self.stepover is None and self.engagement_angle is None:
             _conflict("stepover", "is missing; give stepover or engagement_angle")
+        if self.direction == "both" and self.strategy != "adaptive":
+            _conflict("direction", 'can be "both" for strategy "adaptive" only')
         if self.axial_allowance >= self.depth:
             _conflict("axial_allowance", "is not less than depth, so nothing would be cut")
         # The model is frozen for its users; its default depends on another field.

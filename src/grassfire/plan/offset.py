@@ -11,46 +11,14 @@ from grassfire.medial import MedialAxis
 from grassfire.plan import entry, link
 from grassfire.plan.link import Crossings, Interior, RingPlace, RingSet
 from grassfire.plan.path import Nearest, Path
-from grassfire.plan.rings import Component
+from grassfire.plan.rings import MOST_SPACING, Component, components, ring_distances
+from grassfire.plan.strategy import SMALLEST_RING, ClearingSettings, PocketPlan, needs_plunge
 from grassfire.plan.strokes import Stroke, StrokeKind
+from grassfire.report import Finding, Severity
 from grassfire.toolpath import FloatArray, Role
 
 PROOF = 1e-3
 """Clearance that a straight way may lack, mm: below what the rings themselves may deviate."""
-
-
-@dataclass(frozen=True)
-class OffsetSettings:
-    """What the sequence of rings depends on; lengths in mm, angles in radians.
-
-    Attributes
-    ----------
-    tool_radius, wall, spacing : float
-        `wall` is the wall distance of the wall ring, `spacing` that between rings.
-    entry : str
-        "helix", "ramp" or "plunge".
-    slope, drop : float
-        Steepest descent of helix and ramp, and the height that each descent loses.
-    climb : bool
-        Whether rings keep the region on the left.
-    finish : bool
-        Whether each wall ring is cut once more at the end.
-    fast_links : bool
-        Whether cleared parts of links are to be told from those that cut.
-    longest_walk : float
-        How far a link may go before a retract is quicker, mm.
-    """
-
-    tool_radius: float
-    wall: float
-    spacing: float
-    entry: str
-    slope: float
-    drop: float
-    climb: bool
-    finish: bool
-    fast_links: bool
-    longest_walk: float
 
 
 @dataclass
@@ -69,7 +37,43 @@ def _place(ring: int, pairs: Crossings, chosen: int) -> RingPlace:
     return RingPlace(ring, nearest)
 
 
-class PocketPlan:
+def offset_pockets(
+    axis: MedialAxis, settings: ClearingSettings
+) -> tuple[list[PocketPlan], list[Finding]]:
+    """All pockets of a region, to be cleared by rings; and what was noticed."""
+    findings: list[Finding] = []
+    spacing = min(settings.stepover, MOST_SPACING * settings.tool_radius)
+    if settings.stepover > max(spacing, settings.tool_radius) + 1e-12:
+        findings.append(
+            Finding(
+                Severity.WARNING,
+                "stepover-bounded",
+                f"a stepover of {settings.stepover:.6g} mm could leave stock where rings meet in "
+                f"corners; rings are {spacing:.6g} mm apart",
+                size=spacing,
+            )
+        )
+    parts = components(
+        axis,
+        ring_distances(settings.wall, spacing, float(axis.largest_disk()[1])),
+        spacing,
+        settings.tool_radius,
+        settings.tolerance,
+        settings.climb,
+    )
+    pockets: list[PocketPlan] = []
+    for index, part in enumerate(parts):
+        if part.level > 0:
+            continue
+        point = not part.children and max(ring.extent for ring in part.rings) < SMALLEST_RING
+        if settings.entry != "plunge" and point:
+            findings.append(needs_plunge(part.peak, part.peak_radius))
+        else:
+            pockets.append(OffsetPocket(axis, parts, index, settings, spacing))
+    return pockets, findings
+
+
+class OffsetPocket:
     """Strokes of one pocket, the same for every depth, and those that finish it.
 
     Parameters
@@ -79,7 +83,9 @@ class PocketPlan:
         All components of the region.
     root : int
         The component of the wall level that is the pocket.
-    settings : OffsetSettings
+    settings : ClearingSettings
+    spacing : float
+        Distance between rings, mm.
 
     Attributes
     ----------
@@ -92,7 +98,8 @@ class PocketPlan:
         axis: MedialAxis,
         parts: Sequence[Component],
         root: int,
-        settings: OffsetSettings,
+        settings: ClearingSettings,
+        spacing: float,
     ) -> None:
         self._axis = axis
         self._root = root
@@ -101,6 +108,8 @@ class PocketPlan:
         self._parent = {child: index for index, part in enumerate(parts) for child in part.children}
         self._parts = parts
         self._settings = settings
+        self._spacing = spacing
+        self.peak = parts[root].peak
         self.strokes: list[Stroke] = []
         self.finish: list[Stroke] = []
 
@@ -210,7 +219,7 @@ class PocketPlan:
 
     def _link(self, way: Path, cleared: float | None) -> None:
         """A link at the floor; its middle at link feed if that is proven to lie in cleared area."""
-        margin = 1.5 * self._settings.spacing
+        margin = 1.5 * self._spacing
         if self._settings.fast_links and cleared is not None and way.length > 4 * margin:
             middle = way.slice(margin, way.length - margin)
             if link.paths_clear(self._axis, [middle], cleared, 0.0)[0]:
@@ -223,7 +232,7 @@ class PocketPlan:
     def _next(self, index: int, rings: RingSet, inside: Interior, last: Path) -> Path:
         """From a ring just cut to the next one of the same component."""
         part = self._parts[index]
-        cleared = part.distance + self._settings.spacing if part.children else None
+        cleared = part.distance + self._spacing if part.children else None
         found = self._route(rings, inside, last, self._settings.longest_walk)
         if found is not None:
             return self._follow(rings, last, found, cleared)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +13,9 @@ from grassfire.job import Job, Operation, Tool
 from grassfire.medial import MedialAxis
 from grassfire.plan.depth import pass_floors
 from grassfire.plan.feeds import Feeds, entry_feed
-from grassfire.plan.offset import OffsetSettings, PocketPlan
+from grassfire.plan.offset import offset_pockets
 from grassfire.plan.reach import Reach, reach
-from grassfire.plan.rings import MOST_SPACING, Component, components, ring_distances
+from grassfire.plan.strategy import ClearingSettings, PocketPlan
 from grassfire.plan.strokes import Emitter, Levels
 from grassfire.report import Finding, Severity
 from grassfire.toolpath import FloatArray, Toolpath, ToolpathBuilder
@@ -28,9 +28,6 @@ WALL_FIT = 0.35
 
 ABOVE_FLOOR = 0.5
 """How far above the floor of the pass before a descent starts, mm."""
-
-SMALLEST_RING = 0.02
-"""Rings of a smaller extent are points to a controller: only a plunge can enter there, mm."""
 
 LONGEST_CUT = 2e7
 """Cuts longer than this are taken for a mistake of units, mm: weeks of machining."""
@@ -56,14 +53,9 @@ class PlannedOperation:
     unreachable_area: float
 
 
-@dataclass(frozen=True)
-class _Pocket:
-    """One connected set of tool positions."""
-
-    region: int
-    root: int
-    axis: MedialAxis
-    parts: tuple[Component, ...]
+_STRATEGIES: dict[
+    str, Callable[[MedialAxis, ClearingSettings], tuple[list[PocketPlan], list[Finding]]]
+] = {"offset": offset_pockets}
 
 
 def plan_operation(
@@ -95,18 +87,16 @@ def plan_operation(
     """
     findings: list[Finding] = []
     wall = tool.radius + operation.radial_allowance - FIT
-    spacing = _spacing(operation, tool, findings)
     floors = pass_floors(
         job.stock.top, operation.depth, operation.stepdown, operation.axial_allowance
     )
-    _check_length(axes, tool, wall, spacing, len(floors))
-    pockets = _pockets(axes, operation, tool, job, wall, spacing, findings)
     levels = _levels(job)
     feeds = _feeds(operation, tool)
-    step = job.stock.top - float(floors[0])
-    settings = _settings(operation, tool, levels, feeds, wall, spacing, step)
+    settings = _settings(operation, tool, job, levels, feeds, job.stock.top - float(floors[0]))
+    _check_length(axes, tool, settings, len(floors))
+    pockets = _pockets(axes, operation, tool, settings, findings)
     builder = ToolpathBuilder(_start(start, levels))
-    _machine(pockets, settings, Emitter(builder, levels, feeds), floors)
+    _machine(pockets, Emitter(builder, levels, feeds), floors)
     reached = [reach(axis.region, wall) for axis in axes]
     findings += _unreached(reached, tool, operation)
     return PlannedOperation(
@@ -117,29 +107,12 @@ def plan_operation(
     )
 
 
-def _spacing(operation: Operation, tool: Tool, findings: list[Finding]) -> float:
-    """Distance between rings: the stepover, bounded by what the next ring clears, mm."""
-    asked = operation.stepover_fraction * tool.diameter
-    most = MOST_SPACING * tool.radius
-    if asked > most + 1e-12 and operation.stepover_fraction > 0.5:
-        findings.append(
-            Finding(
-                Severity.WARNING,
-                "stepover-bounded",
-                f"a stepover of {asked:.6g} mm could leave stock where rings meet in corners; "
-                f"rings are {most:.6g} mm apart",
-                size=most,
-            )
-        )
-    return min(asked, most)
-
-
 def _check_length(
-    axes: Sequence[MedialAxis], tool: Tool, wall: float, spacing: float, passes: int
+    axes: Sequence[MedialAxis], tool: Tool, settings: ClearingSettings, passes: int
 ) -> None:
-    """Refuse what would be cut for weeks: area / spacing is the length of a pass, nearly."""
-    area = sum(axis.region.area for axis in axes if axis.largest_disk()[1] >= wall)
-    length = area / spacing * passes
+    """Refuse what would be cut for weeks: area / stepover is the length of a pass, nearly."""
+    area = sum(axis.region.area for axis in axes if axis.largest_disk()[1] >= settings.wall)
+    length = area / settings.stepover * passes
     if length > LONGEST_CUT:
         raise PlanningError(
             f"clearing {area:.4g} mm2 with tool {tool.number} ({tool.diameter:g} mm) takes about "
@@ -165,33 +138,31 @@ def _feeds(operation: Operation, tool: Tool) -> Feeds:
         entry=entry_feed(tool.feed, tool.plunge_feed, operation.ramp_angle_radians),
         plunge=tool.plunge_feed,
         tool_radius=tool.radius,
-        inside=1 if operation.direction == "climb" else -1,
+        inside=-1 if operation.direction == "conventional" else 1,
     )
 
 
 def _settings(
-    operation: Operation,
-    tool: Tool,
-    levels: Levels,
-    feeds: Feeds,
-    wall: float,
-    spacing: float,
-    step: float,
-) -> OffsetSettings:
+    operation: Operation, tool: Tool, job: Job, levels: Levels, feeds: Feeds, step: float
+) -> ClearingSettings:
     # a retract costs its way up and down at rapid speed and about a second of starts and stops
     retract = (2 * (levels.retract - levels.top) + 2 * step) / levels.rapid + 1.0 / 60
     drop = step + levels.entry_height(levels.top) - levels.top
-    return OffsetSettings(
+    return ClearingSettings(
         tool_radius=tool.radius,
-        wall=wall,
-        spacing=spacing,
+        wall=tool.radius + operation.radial_allowance - FIT,
+        stepover=operation.stepover_fraction * tool.diameter,
+        engagement=operation.engagement_angle_radians,
+        tolerance=job.tolerance * WALL_FIT,
         entry=operation.entry,
         slope=operation.ramp_angle_radians,
         drop=drop,
-        climb=operation.direction == "climb",
+        climb=operation.direction != "conventional",
+        both_ways=operation.direction == "both",
         finish=operation.finish_pass,
         fast_links=feeds.link > feeds.cut,
         longest_walk=retract * feeds.link,
+        minimum_radius=operation.minimum_path_radius * tool.diameter,
     )
 
 
@@ -206,42 +177,26 @@ def _pockets(
     axes: Sequence[MedialAxis],
     operation: Operation,
     tool: Tool,
-    job: Job,
-    wall: float,
-    spacing: float,
+    settings: ClearingSettings,
     findings: list[Finding],
-) -> list[_Pocket]:
-    """All pockets of all regions that the tool fits into."""
-    pockets: list[_Pocket] = []
+) -> list[tuple[int, PocketPlan]]:
+    """All pockets of all regions that the tool fits into, each with the number of its region."""
+    found: list[tuple[int, PocketPlan]] = []
     widest: tuple[float, FloatArray] | None = None
     for number, axis in enumerate(axes):
         centre, radius = axis.largest_disk()
         if widest is None or radius > widest[0]:
             widest = (float(radius), np.asarray(centre))
-        if radius < wall:
+        if radius < settings.wall:
             findings.append(_misfit(axis, float(radius), np.asarray(centre), operation, tool))
             continue
-        parts = components(
-            axis,
-            ring_distances(wall, spacing, float(radius)),
-            spacing,
-            tool.radius,
-            job.tolerance * WALL_FIT,
-            operation.direction == "climb",
-        )
-        roots = [index for index, part in enumerate(parts) if part.level == 0]
-        for root in roots:
-            if operation.entry != "plunge" and _is_point(parts[root]):
-                findings.append(_needs_plunge(parts[root], tool))
-            else:
-                pockets.append(_Pocket(number, root, axis, parts))
-    if not pockets:
+        pockets, noticed = _STRATEGIES[operation.strategy](axis, settings)
+        found += [(number, pocket) for pocket in pockets]
+        # what holds for all regions alike is said once
+        findings += [item for item in noticed if item.place is not None or item not in findings]
+    if not found:
         raise _nothing_fits(widest, findings, operation, tool)
-    return pockets
-
-
-def _is_point(part: Component) -> bool:
-    return not part.children and max(ring.extent for ring in part.rings) < SMALLEST_RING
+    return found
 
 
 def _place(point: FloatArray) -> tuple[float, float]:
@@ -259,17 +214,6 @@ def _misfit(
         f"{axis.region.area:.6g} mm2; the largest that does has {max(largest, 0.0):.6g} mm",
         place=_place(centre),
         size=float(axis.region.area),
-    )
-
-
-def _needs_plunge(part: Component, tool: Tool) -> Finding:
-    return Finding(
-        Severity.WARNING,
-        "needs-plunge",
-        f"a place as wide as tool {tool.number} has no room for a helix or ramp and is left; "
-        'entry = "plunge" machines it',
-        place=_place(part.peak),
-        size=2 * part.peak_radius,
     )
 
 
@@ -301,24 +245,21 @@ def _nothing_fits(
 
 
 def _machine(
-    pockets: Sequence[_Pocket], settings: OffsetSettings, emitter: Emitter, floors: FloatArray
+    pockets: Sequence[tuple[int, PocketPlan]], emitter: Emitter, floors: FloatArray
 ) -> None:
     """Each pocket to its full depth, the nearest next; ends at clearance height."""
     left = list(pockets)
-    region = -1
+    last = -1
     while left:
         here = emitter.place
         known = bool(np.all(np.isfinite(here)))
-        gaps = [
-            float(np.hypot(*(item.parts[item.root].peak - here))) if known else 0.0 for item in left
-        ]
-        pocket = left.pop(int(np.argmin(gaps)))
-        plan = PocketPlan(pocket.axis, pocket.parts, pocket.root, settings)
-        plan.plan(here if known else pocket.parts[pocket.root].peak)
-        height = emitter.levels.retract if pocket.region == region else emitter.levels.clearance
-        emitter.travel(plan.strokes[0].path.start, height)
-        emitter.passes(plan.strokes, plan.finish, floors)
-        region = pocket.region
+        gaps = [float(np.hypot(*(item.peak - here))) if known else 0.0 for _, item in left]
+        region, pocket = left.pop(int(np.argmin(gaps)))
+        pocket.plan(here if known else pocket.peak)
+        height = emitter.levels.retract if region == last else emitter.levels.clearance
+        emitter.travel(pocket.strokes[0].path.start, height)
+        emitter.passes(pocket.strokes, pocket.finish, floors)
+        last = region
     emitter.travel(emitter.place, emitter.levels.clearance)
 
 

@@ -1,0 +1,90 @@
+"""What every strategy is asked and what it answers: settings, and pockets as lists of strokes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from grassfire.plan.strokes import Stroke
+from grassfire.report import Finding, Severity
+from grassfire.toolpath import FloatArray
+
+SMALLEST_RING = 0.02
+"""Rings of a smaller extent are points to a controller: only a plunge can enter there, mm."""
+
+
+@dataclass(frozen=True)
+class ClearingSettings:
+    """What the clearing of a pocket depends on; lengths in mm, angles in radians.
+
+    Attributes
+    ----------
+    tool_radius, wall, stepover : float
+        `wall` is the least distance of the tool centre from the boundary.
+    engagement : float
+        Largest engagement angle: that of a straight cut of width `stepover`.
+    tolerance : float
+        How far paths may deviate from exact curves.
+    entry : str
+        "helix", "ramp" or "plunge".
+    slope, drop : float
+        Steepest descent of helix and ramp, and the height that each descent loses.
+    climb : bool
+        Whether the stock is on the right of the travel.
+    both_ways : bool
+        Whether cuts may run in either direction where that saves return moves.
+    finish : bool
+        Whether each wall is cut once more at the end.
+    fast_links : bool
+        Whether links through cleared area run faster than cuts.
+    longest_walk : float
+        How far a link may go before a retract is quicker, mm.
+    minimum_radius : float
+        Smallest radius of curvature of cuts in stock where the shape leaves the choice, mm.
+    """
+
+    tool_radius: float
+    wall: float
+    stepover: float
+    engagement: float
+    tolerance: float
+    entry: str
+    slope: float
+    drop: float
+    climb: bool
+    both_ways: bool
+    finish: bool
+    fast_links: bool
+    longest_walk: float
+    minimum_radius: float
+
+
+class PocketPlan(Protocol):
+    """One connected set of tool positions, and how a strategy clears it.
+
+    Attributes
+    ----------
+    peak : (2,) float array
+        Where it is widest, mm.
+    strokes, finish : list of Stroke
+        For every pass; after the last one. Empty until `plan` was called.
+    """
+
+    peak: FloatArray
+    strokes: list[Stroke]
+    finish: list[Stroke]
+
+    def plan(self, position: FloatArray) -> FloatArray:
+        """Lay out all strokes from where the tool is; returns where the last one ends, mm."""
+
+
+def needs_plunge(peak: FloatArray, peak_radius: float) -> Finding:
+    """Finding for a place that has no room for the entry that was asked for."""
+    return Finding(
+        Severity.WARNING,
+        "needs-plunge",
+        "a place as wide as the tool has no room for a helix or ramp and is left; "
+        'entry = "plunge" machines it',
+        place=(float(peak[0]), float(peak[1])),
+        size=2 * peak_radius,
+    )
