@@ -27,7 +27,7 @@ def faults(text: str) -> list[str]:
     """What grbl 1.1 would refuse or misread in a program, one message a fault."""
     found: list[str] = []
     position = [0.0, 0.0, 0.0]
-    motion, feed, ended, spindle = "0", 0.0, False, 0.0
+    motion, feed, ended, spindle, scale = "0", 0.0, False, 0.0, 1.0
     for number, line in enumerate(text.split("\n"), 1):
 
         def fault(message: str, number: int = number) -> None:
@@ -63,8 +63,14 @@ def faults(text: str) -> list[str]:
             fault("a letter that is not supported")
         if any(len(group & set(codes)) > 1 for group in GROUPS):
             fault("two codes of one modal group")
-        if "90.1" in codes or "91" in codes or "20" in codes:
-            fault("this checker knows absolute millimetres only")
+        if "90.1" in codes or "91" in codes:
+            fault("this checker knows absolute coordinates only")
+        # Radii are compared in mm, whatever the units.
+        scale = 25.4 if "20" in codes else 1.0 if "21" in codes else scale
+        values = {
+            letter: value * scale if letter in "XYZIJR" else value
+            for letter, value in values.items()
+        }
         motion = next((value for value in codes if value in GROUPS[0]), motion)
         feed = values.get("F", feed)
         spindle = values.get("S", spindle)

@@ -268,14 +268,38 @@ def test_other_coordinate_system_is_another_place() -> None:
         ("G2 X0 Y0 I0 J0", "radius 0"),
         ("G2 X2 I1 P0", "count of turns"),
         ("G90.1 G2 X2 I1", "needs both I and J"),
-        ("G18 G2 X2 I1", "G18 are not read"),
-        ("G19 G3 X2 I1", "G19 are not read"),
+        ("G18 G2 X2 I1 J1", "J has no meaning for an arc in the XZ plane"),
+        ("G19 G3 Y2 Z5", "without J, K or R"),
+        ("G18 G2 X2 I1.5", "radii of an arc differ"),
+        ("G18 G2 X2 I0", "radius 0"),
         ("G18 G81 X0 Z-1 R1", "G18 are not read"),
         ("G41 D1", "compensation"),
         ("G10 L2 P1 X0", "coordinate systems"),
-        ("G92 X0", "coordinate systems"),
-        ("G93", "inverse time"),
-        ("G5 X1 Y1", "unknown code G5"),
+        ("G10 P1 X0", "not known"),
+        ("G28\nG92 X0", "G92 at an unknown position of X"),
+        ("G92 X3\nG52 X1", "differs between controllers"),
+        ("G92.3", "restoring"),
+        ("G93\nG1 X1", "G1 without a feed at line 7; write F in the same block"),
+        ("G93\nG1 X1 F2\nX2", "without a feed"),
+        ("G93\nG81 X1 Z-1 R1 F1", "inverse time"),
+        ("M5\nG95 F0.1\nG1 X1", "per turn while the spindle stands"),
+        ("G95\nG94\nG1 X1", "without a feed"),
+        ("G43 H1\nG1 X1", "unknown position of Z"),
+        ("G43 H1\nG0 Z5\nG49\nG0 Z9\nG1 X1", "unknown position of Z"),
+        ("G5 X1 Y1", "splines"),
+        ("G16", "polar"),
+        ("G68 X0 Y0 R30", "rotation"),
+        ("G51 X0 Y0 P2", "scaling"),
+        ("G84 X1 Z-1 R1", "not a plain drilling cycle"),
+        ("G38.2 Z-5", "probing"),
+        ("G12 I5", "circular pocket"),
+        ("G70", "inch on some controllers"),
+        ("G96", "constant surface speed"),
+        ("G65 P9810", "macro"),
+        ("M97 P5", "subprograms"),
+        ("G81 X1 Z-1 R1 L1.5", "no count of holes"),
+        ("G83 X1 Z-1 R1 Q0", "positive Q"),
+        ("G1 U1", "unknown word U1"),
         ("G123", "unknown code G123"),
         ("M123", "unknown code M123"),
         ("M98 P100", "subprograms"),
@@ -284,7 +308,7 @@ def test_other_coordinate_system_is_another_place() -> None:
         ("#1=5", "variables"),
         ("G1 X[1+2]", "variables"),
         ("G1 X#3", "variables"),
-        ("G1 A90", "unknown word A90"),
+        ("G1 A90", "rotary axes are not read: A90"),
         ("G1 X1e-5", "unknown word E-5"),
         ("G1 X", "'X' is not part"),
         ("G1 X1 X2", "written twice"),
@@ -312,7 +336,8 @@ def test_refusals_name_the_line(block: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("G0 Z5\nG1 X1 F100", "unknown position of X, Y"),
+        ("G0 Z5\nG1 X1 F100\nG0 Z6", "not the greatest height"),
+        ("G0 Z5\nG2 X1 I1 F100", "unknown position of X, Y"),
         ("G0 X0 Y0\nG1 Z-1 F100", "unknown position of Z"),
         (HEAD + "G1 X1", "without a feed"),
         ("X1", "without a motion code"),
@@ -360,3 +385,100 @@ def test_long_programs_are_read_fast() -> None:
     path = path_of(text)
     assert time.perf_counter() - begin < 6  # about 1 s on an idle core
     assert len(path) == 100_002
+
+
+# Runs of plain blocks
+
+
+PLAIN_WORDS = st.lists(
+    st.tuples(
+        st.sampled_from(("", "G0 ", "G1 ", "g01", "G2 ", "G3 ", "N7 G1 ")),
+        st.sampled_from(("X", "Y", "Z", "XY", "XYZ", "XYR", "XYIJ", "XYZIJ", "IJ", "", "F")),
+        st.tuples(*(st.integers(-9, 9) for _ in range(6))),
+        st.sampled_from(("", " F250", "F.5")),
+    ),
+    min_size=12,
+    max_size=40,
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(PLAIN_WORDS, st.sampled_from(("G90", "G91", "G20", "G90.1", "G92 X3 Y-2", "G52 Z1")))
+def test_many_blocks_at_once_are_read_as_one_by_one(
+    blocks: list[tuple[str, str, tuple[int, ...], str]], mode: str
+) -> None:
+    lines = [
+        motion
+        + "".join(
+            f"{letter}{value}" + (".25" if letter in "IJR" else "")
+            for letter, value in zip("XYZIJR", values, strict=True)
+            if letter in letters
+        )
+        + (feed if letters != "F" else "F77")
+        for motion, letters, values, feed in blocks
+    ]
+    head = AT_START + f"G1 X0.5\n{mode}\n"
+    # A comment makes a block one that is looked at by itself.
+    apart = head + "\n".join(line + " (apart)" for line in lines)
+    try:
+        expected = path_of(apart)
+    except InputError as error:
+        with pytest.raises(InputError) as caught:
+            path_of(head + "\n".join(lines))
+        assert str(caught.value) == str(error)
+        return
+    together = path_of(head + "\n".join(lines))
+    for name in ("start", "kind", "end", "feed", "role", "line"):
+        assert np.array_equal(
+            getattr(together, name),
+            getattr(expected, name),
+            equal_nan=name in ("start", "end", "feed"),
+        ), name
+    assert np.allclose(together.centre, expected.centre, atol=1e-12, equal_nan=True)
+
+
+# Offsets, lengths, feeds by time and by turn
+
+
+def test_offsets_are_tracked() -> None:
+    assert ends(AT_START + "G92 X10 Y0\nG1 X11 Y1\nG92.1\nX5") == [[1, 1, 5], [5, 1, 5]]
+    assert ends(AT_START + "G52 X2 Z1\nG1 X1 Z1\nG52 X0 Z0\nX1") == [[3, 0, 2], [1, 0, 2]]
+    assert ends(AT_START + "G92 X10\nG91 G1 X1\nG90 X12") == [[1, 0, 5], [2, 0, 5]]
+    program = read_program("G10 L2 P1 X5 Y5\n" + AT_START + "G1 X1")
+    assert "G10 sets" in program.findings[0]
+
+
+def test_z_is_unknown_after_a_change_of_tool_length() -> None:
+    path = read_program(AT_START + "G43 H1\nG0 Z9\nG1 X1\nG43 H1\nX2").sections[-1].toolpath
+    assert np.isnan(path.start[2])
+    assert path.end[:, 0].tolist() == [0, 1, 2]
+    blind = read_program(AT_START + "G43 H1 Z9\nG1 X1\nG49\nG0 Z20").findings
+    assert blind == ("line 8: Z is not known after the tool length is cancelled",)
+
+
+def test_feeds_by_time_and_by_turn() -> None:
+    path = path_of(AT_START + "G93 G1 X3 F4\nG2 X5 I1 F2\nG95 F0.1\nG1 X7\nG94 F50\nX8")
+    assert path.feed[2:] == pytest.approx([12, 2 * math.pi, 900, 50])
+
+
+def test_cycle_beside_its_cancelling() -> None:
+    assert ends(AT_START + "G0 G80 G90 X1") == [[1, 0, 5]]
+
+
+def test_line_ends_of_all_systems() -> None:
+    for line_end in ("\r\n", "\r"):
+        path = path_of((AT_START + "G1 X1\nX2").replace("\n", line_end))
+        assert path.line.tolist() == [3, 4, 6, 7]
+
+
+# Roles
+
+
+def test_lifted_moves_are_links_and_carving_is_cutting() -> None:
+    lifted = path_of(AT_START + "G1 Z-1\nX5\nZ-0.5\nX9\nZ-1\nY5").role[2:].tolist()
+    cut, entry, link = Role.CUT, Role.ENTRY, Role.LINK
+    assert lifted == [entry, cut, link, link, entry, cut]
+    carved = path_of(AT_START + "G1 Z-1\nX5 Z-2\nX9 Z-1\nX12\nX15 Z-2").role[2:].tolist()
+    assert carved == [entry, cut, cut, cut, cut]
+    step = path_of(AT_START + "G1 Z-2\nX5\nZ-1\nX9\nZ-1.5\nY5").role[2:].tolist()
+    assert step == [entry, cut, link, cut, entry, cut]

@@ -47,6 +47,19 @@ def test_nothing_is_missing(kind: str) -> None:
     assert claimed.distance(boundary.disks(*places).table).max() <= 10 * TOL
 
 
+@pytest.mark.parametrize(
+    ("kind", "seed", "tol"),
+    # Arcs that meet all but tangentially; an axis as far from both its sides as its centre is.
+    [("bulged", 2026, 1e-6), ("spline", 31, 3e-10)],
+)
+def test_a_region_that_used_to_be_refused(kind: str, seed: int, tol: float) -> None:
+    given = region(kind, seed)
+    axis = medial_axis(given, tol)
+    assert axis.certificate.max_disk_error <= tol
+    distance = Boundary.of(given, samples=12).distance(axis.vertex_point)
+    np.testing.assert_allclose(distance, axis.vertex_radius, rtol=0, atol=tol + 1e-10)
+
+
 @pytest.mark.parametrize("kind", ["tangle", "pocket", "many-islands", "near-duplicate"])
 def test_a_seed_repeats_its_region(kind: str) -> None:
     first, second = region(kind, 4), region(kind, 4)

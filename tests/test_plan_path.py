@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -287,13 +288,57 @@ def test_inside_arcs_are_slowed_to_the_edge_and_outside_ones_are_not() -> None:
             np.array([np.pi / 2, -np.pi / 2]),
         ),
     )
-    climb = Feeds(1000, 1500, 500, 200, tool_radius=3.0, inside=1)
-    assert climb.along(path, Role.CUT).tolist() == [1000, 250, 1000]
-    other = Feeds(1000, 1500, 500, 200, tool_radius=1.0, inside=-1)
-    assert other.along(path, Role.CUT).tolist() == [1000, 1000, 500]
+    climb = feeds_of(tool_radius=3.0, inside=1)
+    for finish in (climb.along(path, Role.FINISH), climb.along(path, Role.CUT, wall=True)):
+        assert finish.tolist() == [1000, 250, 1000]
+    other = feeds_of(tool_radius=1.0, inside=-1)
+    assert other.along(path, Role.FINISH).tolist() == [1000, 1000, 500]
     assert climb.along(path, Role.LINK).tolist() == [1500] * 3
-    tiny = Feeds(1000, 1500, 500, 200, tool_radius=30.0, inside=1)
-    assert tiny.along(path, Role.CUT)[1] == 1000 * LEAST_FACTOR
+    tiny = feeds_of(tool_radius=30.0, inside=1)
+    assert tiny.along(path, Role.FINISH)[1] == 1000 * LEAST_FACTOR
+
+
+def feeds_of(**changes: float) -> Feeds:
+    """Feeds with what a test is about."""
+    settings: dict[str, Any] = {
+        "cut": 1000.0, "link": 1500.0, "entry": 500.0, "plunge": 200.0, "tool_radius": 3.0,
+        "inside": 1, "stepover": 1.2, "stepdown": 2.0, "slope": 0.05,
+    }  # fmt: skip
+    return Feeds(**(settings | changes))
+
+
+@given(st.floats(0.2, 200), st.floats(0.05, 1.95), st.floats(0.5, 10))
+def test_chips_on_inside_arcs_are_as_thick_as_on_a_straight_cut(
+    radius: float, share: float, tool: float
+) -> None:
+    stepover = share * tool
+    ring = circle(np.zeros(2), np.array([radius, 0.0]), 1)
+    factor = feeds_of(tool_radius=tool, stepover=stepover).chip_factor(ring)[0]
+    before = radius + tool - stepover
+
+    def thickness(cosine: float) -> float:
+        return math.sin(min(math.acos(max(min(cosine, 1.0), -1.0)), math.pi / 2))
+
+    arc = thickness((before**2 - radius**2 - tool**2) / (2 * radius * tool))
+    straight = thickness(1 - share)
+    assert LEAST_FACTOR <= factor <= 1
+    assert factor == pytest.approx(max(straight / arc, LEAST_FACTOR), rel=1e-6)
+
+
+@given(st.floats(0.1, 12), st.floats(0.1, 6), st.floats(0.5, 6), st.floats(0.01, 0.7))
+def test_a_helix_removes_no_more_than_a_cut_and_sinks_no_faster_than_a_plunge(
+    radius: float, stepover: float, tool: float, slope: float
+) -> None:
+    turn = circle(np.zeros(2), np.array([radius, 0.0]), 1)
+    feeds = feeds_of(tool_radius=tool, stepover=stepover, slope=slope, entry=20.0)
+    feed = feeds.along(turn, Role.ENTRY)[0]
+    inner = max(radius - tool, 0.0)
+    section = math.pi * ((radius + tool) ** 2 - inner**2)
+    pitch = 2 * math.pi * radius * math.tan(slope)
+    per_length = section * pitch / (2 * math.pi * radius)
+    assert feed == 20.0 or feed * per_length <= 1000 * stepover * 2.0 * (1 + 1e-9)
+    assert feed == 20.0 or feed * math.sin(slope) <= 200 * (1 + 1e-9)
+    assert 20.0 <= feed <= 1000
 
 
 @given(st.floats(10, 5000), st.floats(10, 5000), st.floats(0.01, 0.78))

@@ -20,7 +20,6 @@ from grassfire.errors import InputError
 from grassfire.gcode import read_program
 from grassfire.toolpath import Program, Section, ToolpathBuilder
 from grassfire.verify import Target, Verification, count_program, verify
-from grassfire.verify.clock import move_times
 from grassfire.verify.gouge import Walls, stretches_between
 from grassfire.verify.path import Path, flatten_program
 from grassfire.verify.raster import Grid, cells_inside
@@ -168,53 +167,6 @@ def test_cells_inside_agree_with_shapely(points: list[tuple[float, float]]) -> N
     edge = shapely.distance(shape.boundary, shapely.points(columns, rows)) < 1e-9
     expected = shapely.contains_xy(shape, columns, rows)
     assert np.array_equal(cells_inside(shape, grid) | edge, expected | edge)
-
-
-def brute_times(path: Path, rapid: float, acceleration: float, deviation: float) -> float:
-    """The planner's two passes, one move after the other."""
-    count = len(path)
-    speed = [rapid / 60 if path.rapid[i] else path.feed[i] / 60 for i in range(count)]
-    for i in range(count):
-        if path.arc[i]:
-            speed[i] = min(speed[i], math.sqrt(acceleration * path.start_radius[i]))
-    node = [0.0] * (count + 1)
-    for i in range(1, count):
-        first = path.heading(np.array([i - 1]), np.array([1.0]))[0]
-        second = path.heading(np.array([i]), np.array([0.0]))[0]
-        half = math.sqrt(max(0.0, (1 + float(first @ second)) / 2))
-        limit = math.inf if half > 0.9999995 else acceleration * deviation * half / (1 - half)
-        if float(first @ second) < -0.999999:
-            limit = 0.0
-        node[i] = min(math.sqrt(limit), speed[i - 1], speed[i])
-    for i in reversed(range(count)):
-        node[i] = min(node[i], math.sqrt(node[i + 1] ** 2 + 2 * acceleration * path.length[i]))
-    total = 0.0
-    for i in range(count):
-        reach = math.sqrt(node[i] ** 2 + 2 * acceleration * path.length[i])
-        node[i + 1] = min(node[i + 1], reach)
-        start, stop, way = node[i], node[i + 1], float(path.length[i])
-        peak = min(speed[i], math.sqrt((2 * acceleration * way + start**2 + stop**2) / 2))
-        ramps = (2 * peak**2 - start**2 - stop**2) / (2 * acceleration)
-        total += (2 * peak - start - stop) / acceleration + (way - ramps) / peak
-    return total
-
-
-@settings(max_examples=50, deadline=None)
-@given(wandering())
-def test_time_agrees_with_the_planner_move_by_move(builder: ToolpathBuilder) -> None:
-    path = path_of(builder)
-    if (path.length < 1e-6).any():
-        return
-    expected = brute_times(path, 5000.0, 500.0, 0.01)
-    times = move_times(path, rapid=5000.0, acceleration=500.0, junction_deviation=0.01)
-    assert times.sum() == pytest.approx(expected, rel=1e-6)
-
-
-def test_time_of_one_long_move_is_a_trapezoid() -> None:
-    builder = ToolpathBuilder((0.0, 0.0, 0.0))
-    builder.line(100.0, 0.0, 0.0, 1200.0)
-    times = move_times(path_of(builder), rapid=5000.0, acceleration=500.0, junction_deviation=0.01)
-    assert times[0] == pytest.approx(100 / 20 + 20 / 500)
 
 
 def test_engagement_of_a_slot_and_of_a_stepover() -> None:

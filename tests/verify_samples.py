@@ -210,7 +210,7 @@ class Harm:
         )
 
 
-def _chords(program: Program, index: int) -> list[tuple[int, int, np.ndarray]]:
+def chords_of(program: Program, index: int) -> list[tuple[int, int, np.ndarray]]:
     """Rows (kind, row, (k, 3) points) of one section's moves."""
     path = program.sections[index].toolpath
     rows = []
@@ -234,7 +234,7 @@ def _chords(program: Program, index: int) -> list[tuple[int, int, np.ndarray]]:
     return rows
 
 
-def _below(points: np.ndarray, height: float) -> np.ndarray:
+def part_below(points: np.ndarray, height: float) -> np.ndarray:
     """Vertices of the part of a polyline of constant slope that lies at or below a height."""
     z0, z1 = points[0, 2], points[-1, 2]
     if max(z0, z1) <= height + 1e-9:
@@ -249,7 +249,7 @@ def _below(points: np.ndarray, height: float) -> np.ndarray:
     return np.concatenate([at, inside] if z1 < z0 else [inside, at])
 
 
-def _shape(points: np.ndarray) -> Point | LineString:
+def shape_of(points: np.ndarray) -> Point | LineString:
     """A polyline, or the point that it stays at."""
     return Point(points[0]) if np.ptp(points, axis=0).max() < 1e-9 else LineString(points)
 
@@ -271,12 +271,12 @@ class SlowJudge:
         for index, section in enumerate(program.sections):
             target = next(t for t in self.targets if t.operation == section.operation)
             radius = target.tool_radius
-            for kind, _, points in _chords(program, index):
+            for kind, _, points in chords_of(program, index):
                 low = points[:, 2].min()
                 if low >= -1e-6:
                     continue
                 floor = max(floor, self.floor - low)
-                gouge = max(gouge, radius - self._least_distance(_below(points, -1e-6)))
+                gouge = max(gouge, radius - self._least_distance(part_below(points, -1e-6)))
                 taken = self._take(points, radius - (0.01 if kind == MoveKind.RAPID else 0.0))
                 fall = points[0, 2] - points[-1, 2]
                 travel = np.hypot(*np.diff(points[:, :2], axis=0).T).sum()
@@ -291,7 +291,7 @@ class SlowJudge:
         return Harm(gouge, floor, self._left(), rapid, plunge, overload)
 
     def _least_distance(self, points: np.ndarray) -> float:
-        line = _shape(points)
+        line = shape_of(points)
         dense = shapely.get_coordinates(shapely.segmentize(line, 0.1))
         where = shapely.points(dense)
         distance = shapely.distance(self.region.boundary, where)
@@ -301,11 +301,11 @@ class SlowJudge:
         """Subtract one move from every slice that it reaches; the areas taken."""
         taken = []
         for index, height in enumerate(self.heights):
-            part = _below(points, height)
+            part = part_below(points, height)
             if not len(part) or self.stock[index].is_empty:
                 taken.append(0.0)
                 continue
-            centre = _shape(part)
+            centre = shape_of(part)
             before = self.stock[index].area
             self.stock[index] = self.stock[index].difference(centre.buffer(radius, quad_segs=32))
             taken.append(before - self.stock[index].area)

@@ -121,6 +121,12 @@ def run(
     job: JobFile,
     out: OutFolder = None,
     post: PostName = None,
+    split_tools: Annotated[
+        bool, typer.Option("--split-tools", help="One program for each tool.")
+    ] = False,
+    inch: Annotated[
+        bool, typer.Option("--inch", help="Program in inches (G20), 4 decimals.")
+    ] = False,
     no_verify: NoVerify = False,
     as_json: AsJson = False,
 ) -> int:
@@ -133,7 +139,9 @@ def run(
     from grassfire.app import run as run_job
 
     with _progress(as_json) as progress:
-        result = run_job(job, out, post, not no_verify, progress, startup)
+        result = run_job(
+            job, out, post, not no_verify, progress, startup, split_tools, "inch" if inch else None
+        )
     if as_json:
         _print_json(_run_data(result))
     else:
@@ -291,26 +299,51 @@ def verify(
     program: Annotated[Path, typer.Argument(metavar="FILE.nc", help="Program to judge.")],
     job: Annotated[Path, typer.Option("--job", help="Job that says what it must do.")],
     as_json: AsJson = False,
+    svg_out: Annotated[
+        Path | None,
+        typer.Option("--svg", metavar="OUT", help="Picture of the program with its faults."),
+    ] = None,
+    png_out: Annotated[
+        Path | None,
+        typer.Option("--png", metavar="OUT", help="Picture of the stock after machining."),
+    ] = None,
+    stock_out: Annotated[
+        Path | None,
+        typer.Option("--stock", metavar="OUT", help="Stock after machining, .glb or .stl."),
+    ] = None,
 ) -> int:
     """Judge the text of a program by a job."""
-    from grassfire.app import verify_file
+    from grassfire.app import verify_file, write_files
 
     with _progress(as_json) as progress:
         judged = verify_file(program, job, progress)
+    pictures: dict[Path, str | bytes] = {}
+    if svg_out is not None:
+        pictures[svg_out] = judged.svg(program.name)
+    if png_out is not None:
+        pictures[png_out] = judged.png(program.name)
+    if stock_out is not None:
+        pictures[stock_out] = judged.stock(stock_out.name)
+    write_files(pictures)
     passed = not judged.faults
     if as_json:
         _print_json(
             {
                 "program": str(program),
                 "ok": passed,
+                "resolution_mm": judged.verification.resolution,
                 "operations": [figures.to_dict() for figures in judged.figures],
                 "faults": [fault.to_dict() for fault in judged.verification.faults],
+                "notes": list(judged.notes),
             }
         )
     else:
+        for note in judged.notes:
+            typer.echo(f"{program}: note: {note}")
         for index, figures in enumerate(judged.figures):
             typer.echo(_operation_line(index, figures))
-        typer.echo(f"{program}: {'verified' if passed else 'REFUSED'}")
+        cell = judged.verification.resolution
+        typer.echo(f"{program}: {'verified' if passed else 'REFUSED'} (maps of {cell:.3f} mm)")
     _print_faults(judged.faults, str(program))
     return 0 if passed else 1
 

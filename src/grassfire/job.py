@@ -33,10 +33,13 @@ from grassfire.tolerance import CHAINING, MACHINING
 UNITS: Final[dict[str, float]] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4, "inch": 25.4}
 """Millimetres in one of each unit that a job file may use."""
 
-STRATEGIES: Final[tuple[str, ...]] = ("offset",)
+STRATEGIES: Final[tuple[str, ...]] = ("offset", "spiral", "adaptive")
 """Strategies that the planner has."""
 
-PLANNED_STRATEGIES: Final[tuple[str, ...]] = ("spiral", "adaptive", "rest", "finish", "vcarve")
+STEADY_STRATEGIES: Final[tuple[str, ...]] = ("spiral", "adaptive")
+"""Strategies that know the engagement of their cuts."""
+
+PLANNED_STRATEGIES: Final[tuple[str, ...]] = ("rest", "finish", "vcarve")
 """Names that the job format reserves and no planner answers to yet."""
 
 _QUANTITY: Final = re.compile(
@@ -93,6 +96,7 @@ PositiveLength = Annotated[float, Field(gt=0), BeforeValidator(_length), _LENGTH
 NonNegativeLength = Annotated[float, Field(ge=0), BeforeValidator(_length), _LENGTH_SCHEMA]
 Speed = Annotated[float, Field(gt=0), BeforeValidator(_speed), _SPEED_SCHEMA]
 Acceleration = Annotated[float, Field(gt=0), BeforeValidator(_acceleration), _ACCELERATION_SCHEMA]
+Interval = tuple[Length, Length]
 UnitName = Literal["mm", "cm", "m", "in", "inch"]
 
 
@@ -145,11 +149,29 @@ class Heights(_Settings):
 
 
 class Machine(_Settings):
-    """What the time estimate needs: mm/min, mm/s^2 and mm."""
+    """What the time estimate needs (mm/min, mm/s^2, mm), and what the machine cannot do."""
 
     rapid: Speed = 5000.0
     acceleration: Acceleration = 500.0
     junction_deviation: PositiveLength = 0.01
+    arc_tolerance: PositiveLength = 0.002
+    path_tolerance: NonNegativeLength | None = Field(
+        default=None, description="of G64 P; in place of junction_deviation and arc_tolerance"
+    )
+    travel: tuple[Interval, Interval, Interval] | None = Field(
+        default=None,
+        description="least and greatest x, y and z of the program, [[x, x], [y, y], [z, z]]",
+    )
+    rapid_height: NonNegativeLength | None = Field(
+        default=None, description="above the stock: rapids do not travel sideways below it"
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Machine:
+        for axis, (low, high) in zip("xyz", self.travel or (), strict=False):
+            if not low < high:
+                _conflict("travel", f"has no room in {axis}: {low:g} to {high:g} mm")
+        return self
 
 
 class Tool(_Settings):
@@ -164,6 +186,23 @@ class Tool(_Settings):
     plunge_feed: Speed
     name: str = ""
     coolant: Literal["off", "mist", "flood"] = "off"
+    flute_length: PositiveLength | None = Field(
+        default=None, description="from the tip to the shank"
+    )
+    shank_diameter: PositiveLength | None = Field(default=None, description="default: diameter")
+    stickout: PositiveLength | None = Field(default=None, description="from the tip to the holder")
+    holder_diameter: PositiveLength | None = Field(default=None, description="at its lower end")
+
+    @model_validator(mode="after")
+    def _body(self) -> Tool:
+        if self.shank_diameter is not None and self.flute_length is None:
+            _conflict("shank_diameter", "needs flute_length: where the shank begins")
+        if (self.stickout is None) != (self.holder_diameter is None):
+            given, missing = ("stickout", "holder_diameter")
+            if self.stickout is None:
+                given, missing = missing, given
+            _conflict(given, f"needs {missing}")
+        return self
 
     @property
     def radius(self) -> float:
@@ -190,6 +229,15 @@ class Operation(_Settings):
     finish_pass: bool = True
     layers: tuple[str, ...] = Field((), description="glob patterns; empty: those of [input]")
     link_feed: Speed | None = None
+    link_lift: NonNegativeLength = Field(
+        default=0.0, description="rise of links through cleared area above the floor"
+    )
+    arc_feed: Literal["corrected", "constant"] = Field(
+        "corrected", description="corrected: slower on inside arcs, so that chips stay as thick"
+    )
+    chip_thinning: bool = Field(
+        False, description="faster cuts where the engagement is below 90 degrees throughout"
+    )
     minimum_path_radius: float = Field(
         0.1, ge=0, le=0.5, description="of cuts in stock, fraction of the diameter"
     )
@@ -218,6 +266,11 @@ class Operation(_Settings):
             _conflict("stepover", "is missing; give stepover or engagement_angle")
         if self.direction == "both" and self.strategy != "adaptive":
             _conflict("direction", 'can be "both" for strategy "adaptive" only')
+        if self.chip_thinning and self.strategy not in STEADY_STRATEGIES:
+            _conflict(
+                "chip_thinning",
+                f"needs an engagement that is known: strategy {' or '.join(STEADY_STRATEGIES)}",
+            )
         if self.axial_allowance >= self.depth:
             _conflict("axial_allowance", "is not less than depth, so nothing would be cut")
         # The model is frozen for its users; its default depends on another field.
@@ -234,6 +287,18 @@ class Operation(_Settings):
             return self.stepover
         assert self.engagement_angle is not None
         return (1.0 - math.cos(math.radians(self.engagement_angle))) / 2.0
+
+    @property
+    def chip_thinning_factor(self) -> float:
+        """How much faster cuts of known engagement are: 1 / sin(engagement), at most 2.
+
+        A tooth that leaves the stock at an angle e before the side of the tool cuts chips of
+        feed per tooth times sin(e) at most.
+        """
+        if not self.chip_thinning:
+            return 1.0
+        angle = min(self.engagement_angle_radians, math.pi / 2)
+        return min(1.0 / math.sin(angle), 2.0)
 
     @property
     def ramp_angle_radians(self) -> float:

@@ -401,6 +401,7 @@ def svg(
     *,
     title: str | None = None,
     width: float = 1000.0,
+    marks: Sequence[tuple[float, float, str]] = (),
 ) -> str:
     """Draw a program from above.
 
@@ -414,6 +415,8 @@ def svg(
         Heading; the name of the program by default.
     width : float
         Greatest width of the picture in pixels; it is less where a part is tall.
+    marks : sequence of (x, y, words)
+        Places in mm that get a numbered ring each; their words stand under the legend.
 
     Returns
     -------
@@ -446,10 +449,25 @@ def svg(
         f"T{number}" + (f", {_number(size)} mm" if size > 0 else "")
         for number, size in sorted(tools.items())
     ]
+    notes += _draw_marks(canvas, marks)
     name = program.name if title is None else title
     height = _legend(canvas, rows, name, notes)
     _scale_bar(canvas)
     return canvas.render(name, height)
+
+
+def _draw_marks(canvas: _Canvas, marks: Sequence[tuple[float, float, str]]) -> list[str]:
+    """Numbered rings at places, on the edge of the drawing where they lie outside; their words."""
+    x0, y0, x1, y1 = canvas.bounds
+    colour = _ROLE_COLOUR[Role.RAPID]
+    for number, (x, y, _) in enumerate(marks, 1):
+        at_x, at_y = canvas.x(min(max(x, x0), x1)), canvas.y(min(max(y, y0), y1))
+        canvas.elements.append(
+            f'<circle cx="{_number(at_x, 2)}" cy="{_number(at_y, 2)}" r="9" fill="none" '
+            f'stroke="{colour}" stroke-width="2"/>'
+        )
+        canvas.text(at_x + 10, at_y - 8, str(number), 13, 'font-weight="bold"')
+    return [f"{number} {words}" for number, (_, _, words) in enumerate(marks, 1)]
 
 
 def _bezier_points(control: FloatArray, count: int = 33) -> FloatArray:

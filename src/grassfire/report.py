@@ -161,6 +161,9 @@ class Report:
         Name of the post that wrote the program.
     program : str, optional
         File name of the program.
+    resolution : float, optional
+        Cell of the maps behind uncut area, rapids, plunges and engagement, mm; gouge and floor are
+        measured without one. None without verification.
     """
 
     job: str
@@ -171,6 +174,7 @@ class Report:
     faults: tuple[Mapping[str, object], ...] = ()
     post: str | None = None
     program: str | None = None
+    resolution: float | None = None
 
     def worst(self) -> Severity | None:
         """Return the gravest severity among the findings, None without findings."""
@@ -190,6 +194,7 @@ class Report:
             "program": self.program,
             "units": "mm",
             "verified": self.verified,
+            "resolution_mm": _finite(self.resolution),
             "findings": [item.to_dict() for item in self.findings],
             "operations": [item.to_dict() for item in self.operations],
             "faults": [dict(item) for item in self.faults],

@@ -24,7 +24,7 @@ def check_folder(folder: Path) -> None:
         )
 
 
-def write_files(texts: Mapping[Path, str]) -> None:
+def write_files(texts: Mapping[Path, str | bytes]) -> None:
     """Write all files or none: temporary neighbours first, then one rename for each.
 
     Raises
@@ -40,7 +40,8 @@ def write_files(texts: Mapping[Path, str]) -> None:
                 raise IsADirectoryError(0, "is a folder")
             path.parent.mkdir(parents=True, exist_ok=True)
             temporary[path] = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-            temporary[path].write_text(text, encoding="utf-8", newline="\n")
+            data = text.encode("utf-8") if isinstance(text, str) else text
+            temporary[path].write_bytes(data)
         for path, neighbour in temporary.items():
             neighbour.replace(path)
     except OSError as error:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from grassfire.app.files import check_folder, write_files
 from grassfire.app.stages import (
@@ -22,10 +22,15 @@ from grassfire.app.stages import (
 from grassfire.errors import InputError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from grassfire.job import Job
     from grassfire.report import OperationFigures, Report
     from grassfire.toolpath import Program
-    from grassfire.verify import Verification
+    from grassfire.verify import Fault, Verification
+
+    FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -37,7 +42,8 @@ class RunResult:
     job : Job
     report : Report
     files : mapping of str to Path
-        "program" (absent if verification failed), "report" and "preview".
+        "program" (absent if verification failed; "program 1", "program 2"... where every tool
+        has its own), "report" and "preview".
     faults : tuple of str
         One line for each thing that verification objected to; empty if it passed.
     """
@@ -65,6 +71,8 @@ def run(
     verify: bool = True,
     progress: Progress | None = None,
     startup_seconds: float | None = None,
+    split_tools: bool = False,
+    units: Literal["mm", "inch"] | None = None,
 ) -> RunResult:
     """Make a program from a job file, judge it, and write it with its report and picture.
 
@@ -82,6 +90,11 @@ def run(
         Called with the name of each stage when it begins.
     startup_seconds : float, optional
         Time spent before the call, for the report.
+    split_tools : bool
+        Write one program for each run of a tool: `bracket-1-T1.nc`, `bracket-2-T4.nc`. Posts of
+        controllers without any stop do so always.
+    units : str, optional
+        Of the program, "mm" or "inch"; default: those of the post.
 
     Returns
     -------
@@ -104,9 +117,11 @@ def run(
         job = load_job(job_path)
         job = job.with_post(post) if post is not None else job
         check_folder(folder)
-    emitted = emit(job, watch)
+    emitted = emit(job, watch, split_tools=split_tools, units=units)
     with watch.stage("verify"):
-        verification = judge(job, emitted.drawings, emitted.program) if verify else None
+        verification = None
+        if verify:
+            verification = judge(job, emitted.drawings, emitted.program, emitted.step)
     return _deliver(emitted, verification, folder, watch)
 
 
@@ -118,7 +133,7 @@ def _deliver(
     from grassfire.report import Report
 
     job = emitted.job
-    faults = () if verification is None else verification.faults
+    faults = () if verification is None else _in_their_files(emitted, verification.faults)
     if verification is None:
         figures = unjudged_figures(emitted)
     else:
@@ -126,13 +141,12 @@ def _deliver(
     with watch.stage("preview"):
         title = f"{job.name} (REFUSED, not written)" if faults else job.name
         picture = svg(emitted.program, drawing_walls(emitted.drawings), title=title)
+    programs = {} if faults else _program_files(emitted, folder)
     files = {
-        "program": folder / f"{job.name}.{emitted.post.extension}",
+        **programs,
         "report": folder / f"{job.name}.report.json",
         "preview": folder / f"{job.name}.svg",
     }
-    if faults:
-        del files["program"]
     report = Report(
         job=job.name,
         findings=emitted.findings,
@@ -141,11 +155,33 @@ def _deliver(
         verified=None if verification is None else not faults,
         faults=tuple(fault.to_dict() for fault in faults),
         post=emitted.post.name,
-        program=files["program"].name if "program" in files else None,
+        resolution=None if verification is None else verification.resolution,
+        program=", ".join(path.name for path in programs.values()) or None,
     )
-    texts = {"program": emitted.text, "report": report.to_json(), "preview": picture}
+    texts = {kind: item.text for kind, item in zip(programs, emitted.texts, strict=False)}
+    texts |= {"report": report.to_json(), "preview": picture}
     write_files({path: texts[kind] for kind, path in files.items()})
     return RunResult(job, report, files, tuple(str(fault) for fault in faults))
+
+
+def _program_files(emitted: Emitted, folder: Path) -> dict[str, Path]:
+    """A file for every program: "program", or "program 1" and so on where there are several."""
+    paths = [folder / f"{item.name}.{emitted.post.extension}" for item in emitted.texts]
+    if len(paths) == 1:
+        return {"program": paths[0]}
+    return {f"program {count}": path for count, path in enumerate(paths, 1)}
+
+
+def _in_their_files(emitted: Emitted, faults: tuple[Fault, ...]) -> tuple[Fault, ...]:
+    """Faults with the lines of their own program where there are several."""
+    if len(emitted.texts) == 1:
+        return faults
+    found = []
+    for fault in faults:
+        name, line = emitted.place(fault.line)
+        message = f"{fault.message} ({name})"
+        found.append(replace(fault, line=line, message=message) if fault.line else fault)
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -153,6 +189,8 @@ class Judged:
     """A program that was read from a file, and the judgement on it."""
 
     job: Job
+    program: Program
+    walls: Sequence[FloatArray]
     verification: Verification
     figures: tuple[OperationFigures, ...]
 
@@ -160,6 +198,44 @@ class Judged:
     def faults(self) -> tuple[str, ...]:
         """One line for each thing that verification objected to."""
         return tuple(str(fault) for fault in self.verification.faults)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was read otherwise than every controller would, each with its line."""
+        return self.program.findings
+
+    def svg(self, title: str) -> str:
+        """The program from above, each fault in a numbered ring."""
+        from math import isfinite
+
+        from grassfire.preview import svg
+
+        marks = [
+            (fault.place[0], fault.place[1], f"{fault.kind}, line {fault.line}")
+            for fault in self.verification.faults
+            if isfinite(fault.place[0] + fault.place[1])
+        ]
+        return svg(self.program, self.walls, title=title, marks=marks)
+
+    def png(self, title: str) -> bytes:
+        """The stock from above, coloured by height, with the faults."""
+        from grassfire.verify import stock_png
+
+        return stock_png(self.verification, self.walls, title=title)
+
+    def stock(self, name: str) -> bytes:
+        """The stock after machining as the bytes of a mesh file: .glb or .stl by its name.
+
+        Without a thickness in the job, the stock goes a fifth of the depth below the deepest cut.
+        """
+        from grassfire.verify import mesh_file, stock_mesh
+
+        heights = self.verification.height_map
+        top, thickness = self.job.stock.top, self.job.stock.thickness
+        if thickness is None:
+            lowest = min(float(heights.height.min()), top - 0.1)
+            thickness = 1.2 * (top - lowest)
+        return mesh_file(*stock_mesh(heights, top - thickness), name)
 
 
 def verify_file(
@@ -182,22 +258,36 @@ def verify_file(
         drawings = read_drawings(job)
     with watch.stage("verify"):
         verification = judge(job, drawings, program)
-    return Judged(job, verification, judged_figures(job, verification))
+    walls = drawing_walls(drawings)
+    return Judged(job, program, walls, verification, judged_figures(job, verification))
 
 
 def _read_program_file(path: Path) -> Program:
     from grassfire.gcode import read_program
 
     try:
-        text = path.read_text(encoding="utf-8", errors="strict")
+        data = path.read_bytes()
     except FileNotFoundError as error:
         raise InputError("no such program", source=str(path)) from error
     except OSError as error:
         reason = error.strerror or "unknown reason"
         raise InputError(f"the program cannot be read: {reason}", source=str(path)) from error
-    except UnicodeDecodeError as error:
-        raise InputError("the program is not UTF-8 text", source=str(path)) from error
-    return read_program(text, source=str(path))
+    return read_program(_decoded(data, str(path)), source=str(path))
+
+
+def _decoded(data: bytes, source: str) -> str:
+    """Text of a program: UTF-8, UTF-16 by its mark, else one character a byte.
+
+    Only comments may hold anything but ASCII, so the last choice cannot change a word of code.
+    """
+    try:
+        if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            return data.decode("utf-16")
+        if b"\0" in data:
+            raise InputError("the program is not text", source=source)
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
 
 
 def preview(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from grassfire.errors import GeometryError, PlanningError
 from grassfire.tolerance import ANGULAR, MEDIAL
@@ -35,6 +35,10 @@ TARGET_TOLERANCE: Final = 1e-4
 """How far the polygons that programs are judged by may be off the drawn curves, mm."""
 
 
+FLOOR_TOLERANCE: Final = 1e-3
+"""How far below the floor a program may cut where its numbers allow that precision, mm."""
+
+
 PICTURE_TOLERANCE: Final = 0.01
 """How far the walls in pictures may be off the drawn curves, mm."""
 
@@ -60,16 +64,49 @@ class Stopwatch:
 
 
 @dataclass(frozen=True)
+class PlannedJob:
+    """The drawing and the plan of each operation, and the moves of all."""
+
+    drawings: tuple[Drawing, ...]
+    planned: tuple[PlannedOperation, ...]
+    program: Program
+
+
+@dataclass(frozen=True)
+class ProgramText:
+    """One text for the controller; `first_line` is its first line in the numbering of all."""
+
+    name: str
+    text: str
+    first_line: int = 1
+
+
+@dataclass(frozen=True)
 class Emitted:
-    """A program as text and as the reader understands that text, with what led to it."""
+    """Programs as text and as the reader understands that text, with what led to it.
+
+    There is one text, or one for each run of a tool; `program` is all of them in one.
+    """
 
     job: Job
     post: Post | PostProcessor
     drawings: tuple[Drawing, ...]
     planned: tuple[PlannedOperation, ...]
-    text: str
+    texts: tuple[ProgramText, ...]
     program: Program
     findings: tuple[Finding, ...]
+
+    @property
+    def step(self) -> float:
+        """Distance of neighbouring numbers of the text, mm; 0 where the post does not tell."""
+        from grassfire.post import Post
+
+        return self.post.scale * 10.0**-self.post.decimals if isinstance(self.post, Post) else 0.0
+
+    def place(self, line: int) -> tuple[str, int]:
+        """File name and line in it, for a line in the numbering of all texts."""
+        own = [text for text in self.texts if text.first_line <= line][-1:] or self.texts[:1]
+        return f"{own[0].name}.{self.post.extension}", line - own[0].first_line + 1
 
 
 def _unique(findings: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -122,20 +159,52 @@ def _axes(drawings: Sequence[Drawing], source: str) -> tuple[tuple[MedialAxis, .
     return tuple(known[id(drawing)] for drawing in drawings)
 
 
+def machining_order(job: Job, drawings: Sequence[Drawing]) -> list[int]:
+    """Numbers of the operations in an order that saves tool changes.
+
+    An operation stays behind every earlier one whose regions it may touch, so that a pocket is
+    always machined in the order of the job.
+    """
+    from grassfire.plan.order import by_tool
+
+    boxes = [[region.bounds() for region in drawing.regions] for drawing in drawings]
+    earlier = [
+        frozenset(before for before in range(index) if _overlap(boxes[before], boxes[index]))
+        for index in range(len(boxes))
+    ]
+    return by_tool([operation.tool for operation in job.operations], earlier)
+
+
+def _overlap(
+    one: Sequence[tuple[float, float, float, float]],
+    other: Sequence[tuple[float, float, float, float]],
+) -> bool:
+    """Whether any two upright boxes of two lists have a point in common."""
+    return any(
+        first[0] <= second[2]
+        and second[0] <= first[2]
+        and first[1] <= second[3]
+        and second[1] <= first[3]
+        for first in one
+        for second in other
+    )
+
+
 def _plan(
-    job: Job, axes: Sequence[Sequence[MedialAxis]]
+    job: Job, axes: Sequence[Sequence[MedialAxis]], order: Sequence[int]
 ) -> tuple[Program, tuple[PlannedOperation, ...]]:
-    """One section per operation, each starting where the one before it ended."""
+    """One section per operation, in the given order; the plans in that of the job."""
     from grassfire.plan import plan_operation
     from grassfire.toolpath import Program, Section
 
     sections: list[Section] = []
-    planned: list[PlannedOperation] = []
+    planned: dict[int, PlannedOperation] = {}
     source = str(job.path) if job.path is not None else None
-    for index, (operation, own_axes) in enumerate(zip(job.operations, axes, strict=True)):
+    for index in order:
+        operation = job.operations[index]
         tool = job.tool(operation.tool)
         try:
-            result = plan_operation(own_axes, operation, tool, job)
+            result = plan_operation(axes[index], operation, tool, job)
         except PlanningError as error:
             raise PlanningError(
                 f"operations[{index}]: {error.message}",
@@ -143,7 +212,7 @@ def _plan(
                 place=error.place,
                 remedy=error.remedy,
             ) from error
-        planned.append(result)
+        planned[index] = result
         sections.append(
             Section(
                 toolpath=result.toolpath,
@@ -155,30 +224,90 @@ def _plan(
                 coolant=tool.coolant,
             )
         )
-    return Program(job.name, tuple(sections)), tuple(planned)
+    results = tuple(planned[index] for index in range(len(job.operations)))
+    return Program(job.name, tuple(sections)), results
 
 
-def emit(job: Job, watch: Stopwatch) -> Emitted:
+def plan_job(job: Job, watch: Stopwatch) -> PlannedJob:
+    """Read the drawings and plan all operations.
+
+    Raises
+    ------
+    InputError, GeometryError, PlanningError
+        If the drawing, a region or an operation cannot be used.
+    """
+    with watch.stage("read"):
+        drawings = read_drawings(job)
+    with watch.stage("medial"):
+        axes = _axes(drawings, str(job.input.file))
+    with watch.stage("plan"):
+        program, planned = _plan(job, axes, machining_order(job, drawings))
+    return PlannedJob(drawings, planned, program)
+
+
+def choose_post(job: Job, units: Literal["mm", "inch"] | None = None) -> Post | PostProcessor:
+    """The post of a job, in other units than its own if asked for.
+
+    Raises
+    ------
+    InputError
+        If there is no such post, or it is a class that offers no choice of units.
+    """
+    from grassfire.errors import InputError
+    from grassfire.post import Post, load_post
+
+    post = load_post(job.post, base_dir=job.directory)
+    if units is None:
+        return post
+    if not isinstance(post, Post):
+        raise InputError(f"post {job.post!r} offers no choice of units", remedy="leave it out")
+    return post.in_units(units)
+
+
+def emit(
+    job: Job,
+    watch: Stopwatch,
+    *,
+    split_tools: bool = False,
+    units: Literal["mm", "inch"] | None = None,
+) -> Emitted:
     """Everything up to the text of the program, read back; nothing is written.
+
+    `split_tools` makes one program for each run of a tool, `units` overrides those of the post.
 
     Raises
     ------
     InputError, GeometryError, PlanningError
         If the post, the drawing, a region or an operation cannot be used.
     """
-    from grassfire.post import load_post, render
+    from grassfire.post import Post, split_by_tool
     from grassfire.report import Finding, Severity
 
     with watch.stage("post"):
-        post = load_post(job.post, base_dir=job.directory)
-    with watch.stage("read"):
-        drawings = read_drawings(job)
-    with watch.stage("medial"):
-        axes = _axes(drawings, str(job.input.file))
-    with watch.stage("plan"):
-        program, planned = _plan(job, axes)
+        post = choose_post(job, units)
+    plan = plan_job(job, watch)
     notes: list[str] = []
+    split = split_tools or (isinstance(post, Post) and post.tool_change.split)
+    programs = split_by_tool(plan.program) if split else (plan.program,)
     with watch.stage("post"):
+        texts = _texts(job, post, programs, notes)
+    with watch.stage("read back"):
+        program_read = _read_back(texts, job.name, post.extension)
+    found = [finding for drawing in plan.drawings for finding in drawing.findings]
+    found += [finding for planned in plan.planned for finding in planned.findings]
+    found += [Finding(Severity.INFO, "post", note) for note in notes]
+    return Emitted(job, post, plan.drawings, plan.planned, texts, program_read, _unique(found))
+
+
+def _texts(
+    job: Job, post: Post | PostProcessor, programs: Sequence[Program], notes: list[str]
+) -> tuple[ProgramText, ...]:
+    """Every program in the words of the post."""
+    from grassfire.post import render
+
+    texts: list[ProgramText] = []
+    line = 1
+    for program in programs:
         text = render(
             program,
             post,
@@ -186,14 +315,26 @@ def emit(job: Job, watch: Stopwatch) -> Emitted:
             tolerance=job.tolerance,
             findings=notes,
         )
-    with watch.stage("read back"):
-        from grassfire.gcode import read_program
+        texts.append(ProgramText(program.name, text, line))
+        line += text.count("\n")
+    return tuple(texts)
 
-        program_read = read_program(text, source=f"{job.name}.{post.extension}")
-    found = [finding for drawing in drawings for finding in drawing.findings]
-    found += [finding for plan in planned for finding in plan.findings]
-    found += [Finding(Severity.INFO, "post", note) for note in notes]
-    return Emitted(job, post, drawings, planned, text, program_read, _unique(found))
+
+def _read_back(texts: Sequence[ProgramText], name: str, extension: str) -> Program:
+    """All texts as the reader understands them, in one program with lines counted through."""
+    from grassfire.gcode import read_program
+
+    programs = [read_program(item.text, source=f"{item.name}.{extension}") for item in texts]
+    sections = tuple(
+        replace(
+            section,
+            toolpath=replace(section.toolpath, line=section.toolpath.line + (item.first_line - 1)),
+        )
+        for item, program in zip(texts, programs, strict=True)
+        for section in program.sections
+    )
+    findings = tuple(note for program in programs for note in program.findings)
+    return replace(programs[0], name=name, sections=sections, findings=findings)
 
 
 def targets_of(job: Job, drawings: Sequence[Drawing]) -> tuple[Target, ...]:
@@ -219,11 +360,36 @@ def targets_of(job: Job, drawings: Sequence[Drawing]) -> tuple[Target, ...]:
                 entry=operation.entry,
                 stepdown=operation.stepdown,
                 tool_number=tool.number,
+                flute_length=tool.flute_length,
+                shank_radius=_half(tool.shank_diameter),
+                stickout=tool.stickout,
+                holder_radius=_half(tool.holder_diameter),
                 # The post rounds feeds.
-                max_feed=1.001 * max(tool.feed, tool.plunge_feed, operation.link_feed or 0.0),
+                max_feed=1.001
+                * max(
+                    tool.feed * operation.chip_thinning_factor,
+                    tool.plunge_feed,
+                    operation.link_feed or 0.0,
+                ),
             )
         )
     return tuple(targets)
+
+
+def _half(diameter: float | None) -> float | None:
+    return None if diameter is None else diameter / 2
+
+
+def _clock(job: Job) -> dict[str, Any]:
+    """The settings of the time estimate."""
+    machine = job.machine
+    return {
+        "rapid": machine.rapid,
+        "acceleration": machine.acceleration,
+        "junction_deviation": machine.junction_deviation,
+        "arc_tolerance": machine.arc_tolerance,
+        "path_tolerance": machine.path_tolerance,
+    }
 
 
 def _polygon(region: Region, tolerance: float) -> Any:
@@ -251,18 +417,23 @@ def walls_of(regions: Iterable[Region]) -> list[FloatArray]:
     return [flatten(loop, PICTURE_TOLERANCE) for region in regions for loop in region.loops]
 
 
-def judge(job: Job, drawings: Sequence[Drawing], program: Program) -> Verification:
-    """Machine a program that was read from text and compare with what the job asks for."""
-    from grassfire.verify import verify
+def judge(
+    job: Job, drawings: Sequence[Drawing], program: Program, step: float = 0.0
+) -> Verification:
+    """Machine a program that was read from text and compare with what the job asks for.
+
+    `step` is the distance of neighbouring numbers of the text, mm: heights may be half of it off.
+    """
+    from grassfire.verify import MachineLimits, verify
 
     return verify(
         program,
         targets_of(job, drawings),
-        rapid=job.machine.rapid,
-        acceleration=job.machine.acceleration,
-        junction_deviation=job.machine.junction_deviation,
+        **_clock(job),
+        limits=MachineLimits(job.machine.travel, job.machine.rapid_height),
         fitting_tolerance=job.tolerance,
         stock_top=job.stock.top,
+        floor_tolerance=max(FLOOR_TOLERANCE, 0.55 * step),
     )
 
 
@@ -287,9 +458,7 @@ def unjudged_figures(emitted: Emitted) -> tuple[OperationFigures, ...]:
     counts = count_program(
         emitted.program,
         targets_of(job, emitted.drawings),
-        rapid=job.machine.rapid,
-        acceleration=job.machine.acceleration,
-        junction_deviation=job.machine.junction_deviation,
+        **_clock(job),
         stock_top=job.stock.top,
     )
     return tuple(

@@ -59,8 +59,8 @@ class _Attempt(NamedTuple):
 _ATTEMPTS = (
     _Attempt(1, 1.0, 0.0, 1.0, 0.1),
     _Attempt(1, 0.5, 0.0, 1.0, 0.4),
-    _Attempt(4, 1.0, 0.0, 10.0, 0.0),
     _Attempt(1, 1.0, 1.0, 100.0, 0.4),
+    _Attempt(4, 1.0, 0.0, 10.0, 0.0),
     _Attempt(2, 3.0, 1.0, 1.0, 0.4),
     _Attempt(16, 1.0, 1.0, 10.0, 0.4),
 )
@@ -141,13 +141,16 @@ class MedialAxis:
     def edges(self) -> tuple[Edge, ...]:
         """Kept edges, in the order of the boundary."""
         _, number = self._kept
-        result = []
-        for row in np.flatnonzero(~self.pruned):
-            first, last = self.span.first[row], self.span.last[row]
-            table = self.fit.control[self.fit.offset[row] : self.fit.offset[row + 1]]
-            points = table[:, :2] + self.sites.origin
-            result.append(Edge(int(number[first]), int(number[last]), points, table[:, 2].copy()))
-        return tuple(result)
+        rows = np.flatnonzero(~self.pruned)
+        starts, ends = number[self.span.first[rows]], number[self.span.last[rows]]
+        low, high = self.fit.offset[rows], self.fit.offset[rows + 1]
+        # All in one array each: every edge has its own rows of them.
+        points = self.fit.control[:, :2] + self.sites.origin
+        radii = self.fit.control[:, 2].copy()
+        columns = zip(starts.tolist(), ends.tolist(), low.tolist(), high.tolist(), strict=True)
+        return tuple(
+            [Edge(start, end, points[one:two], radii[one:two]) for start, end, one, two in columns]
+        )
 
     # -- queries ----------------------------------------------------------------------------------
 
@@ -180,7 +183,7 @@ class MedialAxis:
         sites = self.sites
         local = np.asarray(points, dtype=np.float64).reshape(-1, 2) - sites.origin
         distance, site, parameter = self.search.nearest(local, outside=True)
-        position, normal, _ = sites.frame(site, parameter)
+        position, normal = sites.tangents(site, parameter)
         inside = np.einsum("ij,ij->i", local - position, normal) >= 0
         low, high = parameter <= sites.low[site], parameter >= sites.high[site]
         # The nearest point is a convex corner only from outside, a reflex one only from inside.
@@ -398,7 +401,7 @@ def _compute(region: Region, tol: float, angular_tolerance: float, attempt: _Att
     graph = build_graph(topology)
     clock.append(time.perf_counter())
     rounding = 1e-15 * float(np.max(np.abs(region.bounds())))
-    accuracy = max(0.05 * tol, min(0.5 * tol, 4e-12 * sites.size)) + rounding
+    accuracy = max(0.05 * tol, min(0.35 * tol, 4e-12 * sites.size)) + rounding
     drawing = max(0.7 * tol, 7e-8, 3e-10 * sites.size)
     fit = _closed(fit_edges(sites, graph, accuracy, drawing, 0.5 * tol))
     clock.append(time.perf_counter())

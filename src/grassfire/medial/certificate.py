@@ -300,7 +300,7 @@ def _interpolation_error(
     """
     span = fit.span.take(row)
     parameter = span.start + (span.end - span.start) * fraction
-    position, normal, _ = sites.frame(span.site, parameter)
+    position, normal = sites.tangents(span.site, parameter)
     along = np.abs(np.einsum("ij,ij->i", normal, disks[:, :2] - position) - disks[:, 2])
     site = np.concatenate([span.site, span.partner])
     hint = np.concatenate([parameter, _facing(fit, row, fraction)])

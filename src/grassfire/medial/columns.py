@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import Field, fields
+from dataclasses import Field
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -17,11 +17,22 @@ class Columns:
 
     def take(self, index: IntArray | BoolArray | slice) -> Self:
         """Rows `index`."""
-
-        def rows(column: Any) -> Any:
-            return column.take(index) if isinstance(column, Columns) else column[index]
-
-        return type(self)(*(rows(getattr(self, item.name)) for item in fields(self)))
+        columns = [getattr(self, name) for name in self.__dataclass_fields__]
+        if isinstance(index, slice):
+            return type(self)(
+                *[
+                    part.take(index) if isinstance(part, Columns) else part[index]
+                    for part in columns
+                ]
+            )
+        rows = index.nonzero()[0] if index.dtype == bool else index
+        # Faster than indexing, which has to find out what the index is each time.
+        return type(self)(
+            *[
+                part.take(rows) if isinstance(part, Columns) else part.take(rows, axis=0)
+                for part in columns
+            ]
+        )
 
     @classmethod
     def join(cls, *parts: Self) -> Self:
@@ -31,7 +42,9 @@ class Columns:
             first = columns[0]
             return first.join(*columns) if isinstance(first, Columns) else np.concatenate(columns)
 
-        return cls(*(rows([getattr(part, item.name) for part in parts]) for item in fields(cls)))
+        return cls(
+            *[rows([getattr(part, name) for part in parts]) for name in cls.__dataclass_fields__]
+        )
 
 
 def equal_rows(columns: FloatArray | IntArray) -> IntArray:

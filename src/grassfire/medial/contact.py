@@ -8,7 +8,7 @@ differences of the curves themselves, which do not cancel.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,12 +21,8 @@ from grassfire.medial.sites import (
     Sites,
     disk_through,
     dot,
-    evaluate_rational,
 )
-
-# At flat corners only a sliver next to the end can be touched: the grid crowds towards both ends.
-_CROWD = 10.0 ** np.arange(-8, -1)
-_GRID = np.concatenate([[0.0], _CROWD, np.linspace(0.0, 1.0, 15)[1:-1], 1 - _CROWD[::-1], [1.0]])
+from grassfire.medial.spiral_contact import Approach, lowered_differences, spiral_contact
 
 
 @dataclass(frozen=True)
@@ -52,11 +48,10 @@ class Tangents(Columns):
 
 @dataclass(frozen=True)
 class _Near(Columns):
-    """Tangents against spirals: how their chords are formed.
+    """Tangents against sites: how their chords are formed.
 
     `same`: both on one Bezier curve. `adjacent`: the sites meet in j, at `end` of the target;
-    `relative` is p - j and `rise` is n.(j - p), both without cancellation. `table` are the
-    coefficients of the targets' curves, where they are wanted.
+    `relative` is p - j and `rise` is n.(j - p), both without cancellation.
     """
 
     tangents: Tangents
@@ -66,7 +61,15 @@ class _Near(Columns):
     end: FloatArray
     relative: FloatArray
     rise: FloatArray
-    table: FloatArray
+
+    def approach(self, rows: IntArray) -> Approach:
+        """Rows, of which the targets are spirals."""
+        tangents = self.tangents
+        return Approach(
+            tangents.position[rows], tangents.normal[rows], tangents.parameter[rows],
+            self.target[rows], self.same[rows], self.adjacent[rows], self.end[rows],
+            self.relative[rows], self.rise[rows],
+        )  # fmt: skip
 
 
 def contact(
@@ -100,7 +103,7 @@ def contact(
             parameter[rows], radius[rows] = method(sites, near.take(rows))
     rows = np.flatnonzero(kind == SiteKind.SPIRAL)
     if len(rows):
-        parameter[rows], radius[rows] = _spiral(sites, near.take(rows), hint[rows])
+        parameter[rows], radius[rows] = spiral_contact(sites, near.approach(rows), hint[rows])
     # The end of a site at a reflex corner is the corner's to touch.
     low, high = parameter <= sites.low[target], parameter >= sites.high[target]
     point = sites.kind == SiteKind.POINT
@@ -129,8 +132,7 @@ def _near(sites: Sites, tangents: Tangents, target: IntArray) -> _Near:
         end = np.where(forward, sites.high[own], sites.low[own])
         relative[rows], rise[rows] = _from_end(sites, tangents.take(rows), end[rows])
     far = np.where(forward, sites.low[target], sites.high[target])
-    table = np.zeros((len(own), 0, 3))
-    return _Near(tangents, target, same, adjacent & ~same, far, relative, rise, table)
+    return _Near(tangents, target, same, adjacent & ~same, far, relative, rise)
 
 
 def _from_end(sites: Sites, tangents: Tangents, end: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -152,39 +154,10 @@ def _from_end(sites: Sites, tangents: Tangents, end: FloatArray) -> tuple[FloatA
     if len(spiral):
         step = (end - u)[spiral]
         table = sites.coefficients[sites.bezier[own[spiral]]]
-        one, two, weight = divided_differences(table, u[spiral], end[spiral])
-        position = tangents.position[spiral]
-        relative[spiral] = -step[:, None] * _lowered(one, position, weight)
-        bend = dot(tangents.normal[spiral], _lowered(two, position, weight))
-        rise[spiral] = step**2 * bend
+        one, two = lowered_differences(table, u[spiral], end[spiral], tangents.position[spiral])
+        relative[spiral] = -step[:, None] * one
+        rise[spiral] = step**2 * dot(tangents.normal[spiral], two)
     return relative, rise
-
-
-def divided_differences(
-    coefficients: FloatArray, first: FloatArray, second: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """c[a, b], c[a, a, b] (n, 3) and the weight at b (n,) of curves in power form about 1/2.
-
-    Complete symmetric polynomials: h1' = b h1 + a^k, h2' = a h2 + h1.
-    """
-    a, b = first - 0.5, second - 0.5
-    one, two = np.zeros((len(a), 3)), np.zeros((len(a), 3))
-    weight = coefficients[:, 0, 2].copy()
-    power_a, power_b = np.ones(len(a)), np.ones(len(a))
-    h1, h2 = np.zeros(len(a)), np.zeros(len(a))
-    for degree in range(1, coefficients.shape[1]):
-        h2 = a * h2 + h1
-        h1 = b * h1 + power_a
-        power_a, power_b = power_a * a, power_b * b
-        one += h1[:, None] * coefficients[:, degree]
-        two += h2[:, None] * coefficients[:, degree]
-        weight += power_b * coefficients[:, degree, 2]
-    return one, two, weight
-
-
-def _lowered(difference: FloatArray, position: FloatArray, weight: FloatArray) -> FloatArray:
-    """Divided difference of the curve from that of its homogeneous form."""
-    return np.asarray((difference[:, :2] - position * difference[:, 2:]) / weight[:, None])
 
 
 # -- closed forms ---------------------------------------------------------------------------------
@@ -222,9 +195,15 @@ def _arc(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
     gap = _above_noise(sites, near, rim - distance)
     gap = np.where((gap * sign < 0) & (np.abs(gap) <= 1e-12 * sites.size), 0.0, gap)
     numerator = np.where(near.adjacent, beside, gap * (rim + distance))
-    denominator = 2 * (dot(normal, offset) + sign * rim)
     with np.errstate(divide="ignore", invalid="ignore"):
-        radius = numerator / denominator
+        # n.o + s R for nearly parallel contacts: 1 - cos by the sine, as for lines.
+        cosine = -sign * dot(normal, offset) / distance
+        sine = (normal[:, 0] * offset[:, 1] - normal[:, 1] * offset[:, 0]) / distance
+        slack = np.where(cosine > 0, sine**2 / (1 + np.maximum(cosine, 0)), 1 - cosine)
+        height = numerator / (rim + distance) + distance * slack
+        # About the centre of the arc there is no direction, and nothing cancels.
+        height = np.where(distance > 0.1 * rim, height, sign * dot(normal, offset) + rim)
+        radius = numerator / (2 * sign * height)
     # Walls that touch leave a disk of no radius, which is a contact.
     valid = np.isfinite(radius) & (radius >= 0) & (numerator * sign >= 0)
     radius = np.where(valid, radius, np.inf)
@@ -279,144 +258,3 @@ def _clip(
         parameter[rows] = np.where(first, low[rows], high[rows])
         radius[rows] = np.where(first, ends[0], ends[1])
     return parameter, radius
-
-
-# -- spirals --------------------------------------------------------------------------------------
-
-
-def _spiral(sites: Sites, near: _Near, hint: FloatArray) -> tuple[FloatArray, FloatArray]:
-    near = replace(near, table=sites.coefficients[sites.bezier[near.target]])
-    parameter, radius, good = _newton(sites, near, hint)
-    rows = np.flatnonzero(~good)
-    if len(rows):
-        parameter[rows], radius[rows] = _bracketed(sites, near.take(rows))
-    return parameter, radius
-
-
-def _chords(
-    sites: Sites, near: _Near, parameter: FloatArray, point: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """q - p (n, 2) and n.(q - p) (n,) at parameters of the targets, where q is `point`."""
-    position, normal = near.tangents.position, near.tangents.normal
-    chord = point - position
-    height = _above_noise(sites, near, dot(chord, normal))
-    rows = np.flatnonzero(near.same)
-    if len(rows):
-        step = (parameter - near.tangents.parameter)[rows]
-        table = near.table[rows]
-        one, two, weight = divided_differences(
-            table, near.tangents.parameter[rows], parameter[rows]
-        )
-        chord[rows] = step[:, None] * _lowered(one, position[rows], weight)
-        height[rows] = step**2 * dot(_lowered(two, position[rows], weight), normal[rows])
-    rows = np.flatnonzero(near.adjacent)
-    if len(rows):
-        end = near.end[rows]
-        table = near.table[rows]
-        one, _, weight = divided_differences(table, end, parameter[rows])
-        joint = sites.point(near.target[rows], end)
-        along = (parameter[rows] - end)[:, None] * _lowered(one, joint, weight)
-        chord[rows] = along - near.relative[rows]
-        height[rows] = dot(along, normal[rows]) + near.rise[rows]
-    return chord, height
-
-
-def _stationarity(
-    sites: Sites, near: _Near, parameter: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Derivative of (A) times n.(q - p), its derivative, (A) itself and n.(q - p)."""
-    point, first, second = evaluate_rational(near.table, parameter, 2)
-    chord, height = _chords(sites, near, parameter, point)
-    rho = _disk(chord, height)
-    finite = np.where(np.isfinite(rho), rho, 0.0)
-    towards = chord - finite[:, None] * near.tangents.normal
-    return dot(towards, first), dot(first, first) + dot(towards, second), rho, height
-
-
-def _newton(
-    sites: Sites, near: _Near, hint: FloatArray
-) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Projected Newton steps from the hints: contact, radius, and whether they may be believed.
-
-    An end of the target is a contact where (A) rises into the target. The radius must not exceed
-    that of the hint.
-    """
-    count = len(hint)
-    parameter, radius = hint.copy(), np.full(count, np.inf)
-    good = np.zeros(count, dtype=bool)
-    rows = np.flatnonzero(~np.isnan(hint))
-    near = near.take(rows) if len(rows) < count else near
-    low, high = sites.low[near.target], sites.high[near.target]
-    value = np.clip(hint[rows], low, high)
-    first, before = np.full(len(rows), np.nan), np.full(len(rows), np.inf)
-    for step_number in range(24):
-        if not len(rows):
-            break
-        slope, curve, rho, height = _stationarity(sites, near, value)
-        if step_number == 0:
-            first = rho * (1 + 1e-9)
-        span = high - low
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.where(curve > 0, -slope / curve, -0.3 * np.sign(slope) * span)
-        reached = np.isfinite(step) & np.isfinite(rho)
-        new = np.clip(value + np.where(reached, step, 0.0), low, high)
-        # The step that is left out would be its square, or half of it at a double root.
-        done = (np.abs(new - value) <= 1e-13 * span) | ~reached
-        parameter[rows], radius[rows] = new, rho
-        # About an osculating disk (A) is flat: Newton's method is slow, but (A) is settled.
-        moved = np.abs(new - value)
-        slow = moved > 0.1 * before
-        with np.errstate(invalid="ignore"):
-            settled = np.abs(slope * step) <= 1e-15 * rho * height
-        done |= slow & ((moved <= 1e-8 * span) | settled)
-        good[rows] = done & reached & (rho <= first)
-        value, before = new, moved
-        if done.any():
-            stay = np.flatnonzero(~done)
-            before = before[stay]
-            rows, value, first = rows[stay], value[stay], first[stay]
-            low, high, near = low[stay], high[stay], near.take(stay)
-    return parameter, radius, good
-
-
-def _bracketed(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
-    low, high = sites.low[near.target], sites.high[near.target]
-    grid = low[:, None] + (high - low)[:, None] * _GRID
-    grid[:, -1] = high
-    count, width = grid.shape
-    repeated, flat = near.take(np.repeat(np.arange(count), width)), grid.ravel()
-    point = evaluate_rational(repeated.table, flat, 0)[0]
-    rho = _disk(*_chords(sites, repeated, flat, point)).reshape(count, width)
-    best = np.argmin(rho, axis=1)
-    rows = np.arange(count)
-    left = grid[rows, np.maximum(best - 1, 0)]
-    right = grid[rows, np.minimum(best + 1, width - 1)]
-    sample, sampled = grid[rows, best], rho[rows, best]
-    parameter = sample.copy()
-    before = np.full(count, np.inf)
-    active = np.flatnonzero(np.isfinite(sampled))
-    for _ in range(60):
-        if not len(active):
-            break
-        value = parameter[active]
-        slope, curve, current, height = _stationarity(sites, near.take(active), value)
-        # Where no disk exists the minimum lies towards the best sample.
-        reached = np.isfinite(current)
-        rising = np.where(reached, slope > 0, value > sample[active])
-        right[active] = np.where(rising, value, right[active])
-        left[active] = np.where(rising, left[active], value)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            new = value - slope / curve
-        inside = (new > left[active]) & (new < right[active]) & (curve > 0) & reached
-        new = np.where(inside, new, 0.5 * (left[active] + right[active]))
-        moved = np.abs(new - value)
-        with np.errstate(invalid="ignore"):
-            settled = np.abs(slope * (new - value)) <= 1e-15 * current * height
-        done = (moved <= 1e-13 * (high - low)[active]) | (settled & (moved > 0.1 * before[active]))
-        parameter[active], before[active] = new, moved
-        active = active[~done]
-    point = evaluate_rational(near.table, parameter, 0)[0]
-    final = _disk(*_chords(sites, near, parameter, point))
-    # Radii are flat about the contact: a sample that is lower by rounding is not nearer to it.
-    worse = ~(final <= sampled * (1 + 1e-10))
-    return np.where(worse, sample, parameter), np.where(worse, sampled, final)

@@ -82,7 +82,7 @@ def _difference(
     At a node the radius to its own partner is known (`side` 1 or 2) and used, since at ends
     (A) is 0 / 0.
     """
-    position, normal, _ = sites.frame(site, parameter)
+    position, normal = sites.tangents(site, parameter)
     tangents = Tangents(position, normal, site, parameter)
     where, first = contact(sites, tangents, one, hint_one)
     _, second = contact(sites, tangents, other, hint_other)

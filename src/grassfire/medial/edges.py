@@ -191,7 +191,7 @@ def evaluate_span(
     inner = np.flatnonzero((fraction != 0) & (fraction != 1))
     row = inner // width
     site, parameter = span.site[row], span.parameter(fraction).ravel()[inner]
-    position, normal, _ = sites.frame(site, parameter)
+    position, normal = sites.tangents(site, parameter)
     tangents = Tangents(position, normal, site, parameter)
     hints = np.broadcast_to(hint, fraction.shape).ravel()[inner]
     where, radius = contact(sites, tangents, span.partner[row], hints)

@@ -31,6 +31,8 @@ from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Si
 
 _COARSE = np.array([3, 6, 9])
 _FINE = np.array([1, 2, 4, 5, 7, 8, 10, 11])
+_COARSE_AND_ENDS = (0, 3, 6, 9, TOP)
+_EVERY = tuple(range(TOP + 1))
 _CHECKS = np.sin(np.pi * (np.array([0, 3, 8, 11]) + 0.5) / (2 * TOP)) ** 2
 """Midway between Chebyshev points, where the error of the highest degree is largest."""
 
@@ -247,8 +249,7 @@ def _interpolate(
         found, where = evaluate_span(sites, span, _INNER, hint)
         disks[:, 1:-1], facing[:, 1:-1] = found[:, : TOP - 1], where[:, : TOP - 1]
         checks = found[:, TOP - 1 :]
-    for degree in DEGREES[:-1]:
-        _try(pieces, np.flatnonzero(pieces.degree == 0), degree, np.arange(TOP + 1))
+    _try(pieces, np.flatnonzero(pieces.degree == 0), DEGREES[:-1], _EVERY)
     rows = np.flatnonzero((pieces.degree == 0) & np.isfinite(disks).all(axis=(1, 2)))
     if len(rows):
         if hint is None:
@@ -263,13 +264,13 @@ def _coarse_and_fine(sites: Sites, pieces: _Pieces, moved: FloatArray) -> None:
     span, disks, facing = pieces.span, pieces.disks, pieces.facing
     first = _first_hint(span, moved)
     disks[:, _COARSE], facing[:, _COARSE] = evaluate_span(sites, span, NODES[_COARSE], first)
-    coarse = np.array([0, *_COARSE, TOP])
+    coarse = _COARSE_AND_ENDS
     # Contacts on lines and points are known where those of their ends are; on arcs they turn.
     known = np.where(sites.kind[span.partner] == SiteKind.ARC, 0, _known_degree(sites, span))
     for degree in (1, 2):
-        _try(pieces, np.flatnonzero(known == degree), degree, coarse)
+        _try(pieces, np.flatnonzero(known == degree), (degree,), coarse)
     with np.errstate(invalid="ignore"):
-        rest = facing[:, coarse] @ _resampling(4).T
+        rest = facing[:, list(coarse)] @ _resampling(4).T
     easy = np.flatnonzero(pieces.degree > 0)
     facing[easy[:, None], _FINE] = rest[easy]
     rows = np.flatnonzero(pieces.degree == 0)
@@ -286,19 +287,46 @@ def _resampling(degree: int) -> FloatArray:
     return np.asarray(bernstein(degree, at) @ basis)
 
 
-def _try(pieces: _Pieces, rows: IntArray, degree: int, known: IntArray) -> None:
-    """Accept `degree` where it is good enough at all nodes of which the disks are `known`."""
+@lru_cache(maxsize=8)
+def _deviations(degrees: tuple[int, ...], known: tuple[int, ...]) -> FloatArray:
+    """From values at the nodes `known` to what polynomials of `degrees` deviate there, stacked."""
+    place = {node: column for column, node in enumerate(known)}
+    result = np.zeros((len(degrees), len(known), len(known)))
+    for matrix, degree in zip(result, degrees, strict=True):
+        chosen = [place[node] for node in range(0, TOP + 1, TOP // degree)]
+        basis = interpolate_to_bezier(np.eye(degree + 1))
+        matrix[:, chosen] = bernstein(degree, NODES[list(known)]) @ basis
+        # At its own nodes a polynomial has the very values.
+        matrix[chosen] = 0.0
+        others = np.setdiff1d(np.arange(len(known)), chosen)
+        matrix[others, others] -= 1.0
+    return np.asarray(result.reshape(-1, len(known)))
+
+
+def _try(pieces: _Pieces, rows: IntArray, degrees: tuple[int, ...], known: tuple[int, ...]) -> None:
+    """Accept the lowest degree that is good enough at all nodes of which the disks are `known`."""
     if not len(rows):
         return
-    chosen = np.arange(0, TOP + 1, TOP // degree)
     disks = pieces.disks[rows]
     with np.errstate(invalid="ignore"):
-        table = interpolate_to_bezier(disks[:, chosen])
-        fitted = bernstein(degree, NODES[known]) @ table
-        away = _deviation(pieces, rows, fitted - disks[:, known])
+        off = _deviations(degrees, known) @ disks[:, list(known)]
+    away = _deviation(pieces, rows, off).reshape(len(rows), len(degrees), -1).max(axis=2)
     # Where the partner is out of reach the edge is not what the graph says: left open.
     away = np.where(np.isfinite(away), away, np.inf)
-    _accept(pieces, rows, degree, table, away)
+    good = away <= _limit(pieces, rows, np.array(degrees))
+    lowest = np.argmax(good, axis=1)
+    found = good.any(axis=1)
+    for column, degree in enumerate(degrees):
+        members = np.flatnonzero(found & (lowest == column))
+        if len(members):
+            table = interpolate_to_bezier(disks[members, :: TOP // degree])
+            _accept(pieces, rows[members], degree, table, away[members, column])
+
+
+@lru_cache(maxsize=1)
+def _top_at_checks() -> FloatArray:
+    """Bernstein polynomials of the highest degree between its nodes, (4, 13)."""
+    return bernstein(TOP, _CHECKS)
 
 
 def _try_top(pieces: _Pieces, rows: IntArray, checks: FloatArray) -> None:
@@ -308,9 +336,11 @@ def _try_top(pieces: _Pieces, rows: IntArray, checks: FloatArray) -> None:
     many halvings towards it as the error asks for.
     """
     table = interpolate_to_bezier(pieces.disks[rows])
-    off = bernstein(TOP, _CHECKS) @ table - checks
-    away = _deviation(pieces, rows, off)
-    limit = _accept(pieces, rows, TOP, table, away)
+    off = _top_at_checks() @ table - checks
+    away = _deviation(pieces, rows, off).max(axis=1)
+    limit = _limit(pieces, rows, np.array([TOP]))[:, 0]
+    good = away <= limit
+    _accept(pieces, rows[good], TOP, table[good], away[good])
     side = np.abs(off).max(axis=2)
     head, tail = side[:, :2].max(axis=1), side[:, 2:].max(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -321,7 +351,7 @@ def _try_top(pieces: _Pieces, rows: IntArray, checks: FloatArray) -> None:
 
 
 def _deviation(pieces: _Pieces, rows: IntArray, away: FloatArray) -> FloatArray:
-    """Largest coordinate (n,) of deviations (n, m, 3).
+    """Largest coordinates (n, m) of deviations (n, m, 3).
 
     Vertices that rounding leaves open along the axis lie on it all the same. So on pieces that
     keep being halved next to them, short as they are, what points along the piece is no error.
@@ -333,37 +363,36 @@ def _deviation(pieces: _Pieces, rows: IntArray, away: FloatArray) -> FloatArray:
         with np.errstate(invalid="ignore"):
             along = np.einsum("imj,ij->im", away[late], chord) / square[:, None]
             away[late] -= along[..., None] * chord[:, None]
-    return np.asarray(np.abs(away).max(axis=(1, 2)))
+    away = np.abs(away)
+    return np.asarray(np.maximum(np.maximum(away[..., 0], away[..., 1]), away[..., 2]))
 
 
 def _accept(
     pieces: _Pieces, rows: IntArray, degree: int, table: FloatArray, away: FloatArray
-) -> FloatArray:
-    """Accept a degree where it is `away` (n,) by no more than the limits, which are returned."""
-    limit = np.minimum(pieces.goal[rows], _steady_limit(pieces, rows, degree))
-    good = away <= limit
-    chosen = rows[good]
-    pieces.degree[chosen] = degree
-    pieces.table[chosen, : degree + 1] = table[good]
-    pieces.error[chosen] = away[good]
-    return limit
+) -> None:
+    """Take a degree, its coefficients and what it is `away` by, (n,)."""
+    pieces.degree[rows] = degree
+    pieces.table[rows, : degree + 1] = table
+    pieces.error[rows] = away
 
 
-def _steady_limit(pieces: _Pieces, rows: IntArray, degree: int) -> FloatArray:
-    """Deviation that still lets the derivatives of a piece tell where its disks touch, (n,).
+def _limit(pieces: _Pieces, rows: IntArray, degrees: IntArray) -> FloatArray:
+    """Deviations (n, d) up to which degrees are good enough.
 
-    A deviation d of a polynomial of length l turns its derivative by some 2 degree d / l
+    That is the goal, and what still lets the derivatives of a piece tell where its disks touch. A
+    deviation d of a polynomial of length l turns its derivative by some 2 degree d / l
     (Bernstein). A turn a moves the recovered boundary by r (1 - k r) a^2 / 2, and by no more than
     r a: either within ten tolerances gives a.
     """
-    first, last = pieces.disks[rows, 0], pieces.disks[rows, -1]
+    first, last, goal = pieces.disks[rows, 0], pieces.disks[rows, -1], pieces.goal[rows]
     length = np.abs(last - first).max(axis=1)
     radius = np.maximum(np.maximum(first[:, 2], last[:, 2]), 1e-300)
     size = np.abs(first).max(axis=1) + radius
-    share = 10 * pieces.goal[rows] / radius
+    share = 10 * goal / radius
     with np.errstate(divide="ignore"):
         turn = np.maximum(np.sqrt(share / pieces.sharpness[rows]), share)
-    return np.asarray(np.maximum(length * turn / (2 * degree), 1e-13 * size))
+    steady = np.maximum((length * turn)[:, None] / (2 * degrees), 1e-13 * size[:, None])
+    return np.asarray(np.minimum(goal[:, None], steady))
 
 
 @dataclass(frozen=True)

@@ -137,7 +137,7 @@ def _stays(topology: Topology, intervals: Intervals, rows: IntArray) -> BoolArra
     parameter = (start[:, None] + span[:, None] * fraction).ravel()
     site = np.repeat(intervals.site[rows], 3)
     safe = np.maximum(np.repeat(partner, 3), 0)
-    position, normal, _ = sites.frame(site, parameter)
+    position, normal = sites.tangents(site, parameter)
     tangents = Tangents(position, normal, site, parameter)
     _, radius = contact(sites, tangents, safe, np.full(len(site), np.nan))
     radius = np.where(np.isfinite(radius), radius, 0.0)

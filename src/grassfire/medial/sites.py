@@ -10,8 +10,10 @@ box.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import IntEnum
+from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,17 +23,13 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
-class SiteKind(IntEnum):
-    """Geometry of a site."""
+class SiteKind:
+    """Geometry of a site: plain numbers, as members of an enumeration are slow in inner loops."""
 
-    LINE = 0
-    ARC = 1
-    SPIRAL = 2
-    POINT = 3
-
-
-# Looked up in inner loops, where members of an enumeration cost as much as the work.
-_LINE, _ARC, _SPIRAL, _POINT = (int(kind) for kind in SiteKind)
+    LINE: Final = 0
+    ARC: Final = 1
+    SPIRAL: Final = 2
+    POINT: Final = 3
 
 
 @dataclass(frozen=True)
@@ -90,6 +88,17 @@ class Sites:
     def __len__(self) -> int:
         return len(self.kind)
 
+    @cached_property
+    def rational(self) -> BoolArray:
+        """(b,) whether the weights of the Bezier curves differ."""
+        return np.asarray(self.coefficients[:, 1:, 2].any(axis=1))
+
+    @cached_property
+    def polynomial(self) -> FloatArray:
+        """(2, degree + 1, b) power coefficients of x and y of the curves that are not rational."""
+        table = np.ascontiguousarray(self.coefficients.T)
+        return np.asarray(table[:2] / table[2, 0])
+
     def spread(self, count: IntArray) -> tuple[IntArray, FloatArray]:
         """Sites and parameters of the middles of `count` (m,) equal parts of every site."""
         site = np.repeat(np.arange(len(self)), count)
@@ -100,35 +109,55 @@ class Sites:
     def derivatives(self, site: IntArray, parameter: FloatArray, order: int) -> list[FloatArray]:
         """Point and derivatives up to `order` (at most 3), each of shape (n, 2)."""
         kind = self.kind[site]
-        spiral = np.flatnonzero(kind == _SPIRAL)
-        if len(spiral) == len(site) > 0:
-            return self._spiral(self.bezier[site], parameter, order)
-        result = [np.zeros((len(site), 2)) for _ in range(order + 1)]
-        result[0] += self.anchor[site]
-        line = np.flatnonzero(kind == _LINE)
-        if len(line):
-            direction = self.extent[site[line]]
-            result[0][line] += parameter[line, None] * direction
-            if order:
-                result[1][line] = direction
-        arc = np.flatnonzero(kind == _ARC)
-        if len(arc):
-            start, sweep = self.extent[site[arc]].T
-            angle = start + parameter[arc] * sweep
-            unit = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-            scale = self.radius[site[arc]]
-            for power in range(order + 1):
-                result[power][arc] += scale[:, None] * unit
-                unit = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
-                scale = scale * sweep
-        if len(spiral):
-            values = self._spiral(self.bezier[site[spiral]], parameter[spiral], order)
-            for power in range(order + 1):
-                result[power][spiral] = values[power]
+        if self._curved == {SiteKind.SPIRAL}:
+            spiral = (kind == SiteKind.SPIRAL).nonzero()[0]
+            if len(spiral) == len(site) > 0:
+                return self._spiral(self.bezier[site], parameter, order)
+        direction = self._direction[site]
+        result = [self.anchor[site] + parameter[:, None] * direction, direction]
+        result.extend(np.zeros((len(site), 2)) for _ in range(2, order + 1))
+        del result[order + 1 :]
+        if SiteKind.ARC in self._curved:
+            arc = (kind == SiteKind.ARC).nonzero()[0]
+            if len(arc):
+                for values, part in zip(result, self._arc(site[arc], parameter[arc]), strict=False):
+                    values[arc] = part
+        if SiteKind.SPIRAL in self._curved:
+            spiral = (kind == SiteKind.SPIRAL).nonzero()[0]
+            if len(spiral):
+                parts = self._spiral(self.bezier[site[spiral]], parameter[spiral], order)
+                for values, part in zip(result, parts, strict=True):
+                    values[spiral] = part
         return result
 
+    @cached_property
+    def _curved(self) -> set[int]:
+        """Which of arcs and spirals there are."""
+        return {SiteKind.ARC, SiteKind.SPIRAL} & set(self.kind.tolist())
+
+    @cached_property
+    def _direction(self) -> FloatArray:
+        """(m, 2) direction of lines, 0 for others."""
+        return np.where((self.kind == SiteKind.LINE)[:, None], self.extent, 0.0)
+
+    def _arc(self, site: IntArray, parameter: FloatArray) -> Iterator[FloatArray]:
+        """Point and derivatives, as many as are wanted."""
+        sweep = self.extent[site, 1]
+        angle = self.extent[site, 0] + parameter * sweep
+        scale = self.radius[site]
+        x, y = scale * np.cos(angle), scale * np.sin(angle)
+        result = np.empty((len(site), 2))
+        result[:, 0], result[:, 1] = x, y
+        yield self.anchor[site] + result
+        while True:
+            x, y = -sweep * y, sweep * x
+            result[:, 0], result[:, 1] = x, y
+            yield result
+
     def _spiral(self, row: IntArray, parameter: FloatArray, order: int) -> list[FloatArray]:
-        return evaluate_rational(self.coefficients[row], parameter, order)
+        if self.rational.any():
+            return evaluate_rational(self.coefficients[row], parameter, order)
+        return _polynomial(self.polynomial.take(row, axis=2), parameter - 0.5, order)
 
     def point(self, site: IntArray, parameter: FloatArray) -> FloatArray:
         """(n, 2) boundary points."""
@@ -143,32 +172,50 @@ class Sites:
         """
         return self.moving_frame(site, parameter)[:3]
 
+    def tangents(self, site: IntArray, parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points (n, 2) and inward unit normals (n, 2)."""
+        position, first = self.derivatives(site, parameter, 1)
+        return position, self._normals(site, parameter, first, np.hypot(first[:, 0], first[:, 1]))
+
+    def _normals(
+        self, site: IntArray, parameter: FloatArray, first: FloatArray, speed: FloatArray
+    ) -> FloatArray:
+        """Unit normals (n, 2) from derivatives (n, 2) and their lengths (n,)."""
+        safe = np.where(speed > 0, speed, 1.0)
+        normal = np.empty((len(site), 2))
+        np.divide(first[:, 1], -safe, out=normal[:, 0])
+        np.divide(first[:, 0], safe, out=normal[:, 1])
+        point = (self.kind[site] == SiteKind.POINT).nonzero()[0]
+        if len(point):
+            start, turn = self.extent[site[point]].T
+            angle = start + parameter[point] * turn
+            normal[point, 0], normal[point, 1] = np.cos(angle), np.sin(angle)
+        return normal
+
     def moving_frame(
         self, site: IntArray, parameter: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """As `frame`, and the length along the boundary per unit of parameter (n,), 0 in fans."""
         position, first, second = self.derivatives(site, parameter, 2)
-        speed = np.hypot(first[:, 0], first[:, 1])
-        is_point = self.kind[site] == _POINT
+        dx, dy = first[:, 0], first[:, 1]
+        speed = np.hypot(dx, dy)
+        normal = self._normals(site, parameter, first, speed)
+        kind = self.kind[site]
         safe = np.where(speed > 0, speed, 1.0)
-        normal = np.stack([-first[:, 1], first[:, 0]], axis=1) / safe[:, None]
-        curvature = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / safe**3
-        arc = self.kind[site] == _ARC
-        if arc.any():
+        curvature = (dx * second[:, 1] - dy * second[:, 0]) / safe**3
+        if SiteKind.ARC in self._curved:
+            arc = (kind == SiteKind.ARC).nonzero()[0]
             curvature[arc] = np.sign(self.extent[site[arc], 1]) / self.radius[site[arc]]
-        if is_point.any():
-            start, turn = self.extent[site[is_point]].T
-            angle = start + parameter[is_point] * turn
-            normal[is_point] = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-            curvature[is_point] = -np.inf
+        curvature[kind == SiteKind.POINT] = -np.inf
         return position, normal, curvature, speed
 
     def speed(self, site: IntArray, parameter: FloatArray, radius: FloatArray) -> FloatArray:
         """(n,) length along the boundary (or the fan at `radius`) per unit of parameter."""
         first = self.derivatives(site, parameter, 1)[1]
         result = np.hypot(first[:, 0], first[:, 1])
-        is_point = self.kind[site] == _POINT
-        result[is_point] = np.abs(self.extent[site[is_point], 1]) * radius[is_point]
+        point = (self.kind[site] == SiteKind.POINT).nonzero()[0]
+        if len(point):
+            result[point] = np.abs(self.extent[site[point], 1]) * radius[point]
         return result
 
     # -- projection -------------------------------------------------------------------------------
@@ -182,15 +229,15 @@ class Sites:
         """
         kind = self.kind[target]
         parameter = np.zeros(len(target))
-        rows = np.flatnonzero(kind == _LINE)
+        rows = np.flatnonzero(kind == SiteKind.LINE)
         if len(rows):
             direction = self.extent[target[rows]]
             along = dot(centre[rows] - self.anchor[target[rows]], direction)
             parameter[rows] = np.clip(along / dot(direction, direction), 0.0, 1.0)
-        rows = np.flatnonzero(kind == _ARC)
+        rows = np.flatnonzero(kind == SiteKind.ARC)
         if len(rows):
             parameter[rows] = self._project_arc(target[rows], centre[rows])
-        rows = np.flatnonzero(kind == _SPIRAL)
+        rows = np.flatnonzero(kind == SiteKind.SPIRAL)
         if len(rows):
             parameter[rows] = self._project_spiral(target[rows], centre[rows], hint[rows], slack)
         delta = centre - self.point(target, parameter)
@@ -207,37 +254,39 @@ class Sites:
         self, target: IntArray, centre: FloatArray, hint: FloatArray, slack: float
     ) -> FloatArray:
         low, high = self.low[target], self.high[target]
-        parameter = np.clip(hint, low, high)
-        best = parameter.copy()
-        distance = np.full(len(target), np.inf)
+        row = self.bezier[target]
+        ends = [self._spiral(row, end, 0)[0] - centre for end in (low, high)]
+        parameter = np.minimum(np.maximum(hint, low), high)
+        best, distance = parameter.copy(), np.full(len(target), np.inf)
         active = np.arange(len(target))
+        value, span = parameter, high - low
+        least, most, around = low, high, centre
         # Centres of curvature are multiple roots: Newton is linear there and needs its time.
         for _ in range(60):
-            value, span = parameter[active], (high - low)[active]
-            point, first, second = self._spiral(self.bezier[target[active]], value, 2)
-            offset = point - centre[active]
+            point, first, second = self._spiral(row, value, 2)
+            offset = point - around
             squared = dot(offset, offset)
-            better = squared < distance[active]
-            best[active] = np.where(better, value, best[active])
-            distance[active] = np.where(better, squared, distance[active])
+            better = (squared < distance[active]).nonzero()[0]
+            which = active[better]
+            best[which], distance[which] = value[better], squared[better]
             slope, flat = dot(offset, first), dot(first, first)
             # Beyond the evolute the second derivative is negative: the slope still tells the way.
             curve = np.maximum(np.abs(flat + dot(offset, second)), 1e-9 * flat)
-            step = np.clip(-slope / curve, -0.5 * span, 0.5 * span)
-            new = np.clip(value + step, low[active], high[active])
-            parameter[active] = new
+            step = np.minimum(np.maximum(-slope / curve, -0.5 * span), 0.5 * span)
+            new = np.minimum(np.maximum(value + step, least), most)
             # What the step gains, and what the slow ones at such roots may gain after it.
             gain = np.abs(slope * step)
             moving = np.abs(new - value) > 1e-12 * span
-            active = active[moving & (gain >= 0.2 * slack * np.sqrt(squared))]
-            if not len(active):
+            stay = (moving & (gain >= 0.2 * slack * np.sqrt(squared))).nonzero()[0]
+            if not len(stay):
                 break
-        for end in (low, high):
-            offset = self._spiral(self.bezier[target], end, 0)[0] - centre
+            active, value, span, row = active[stay], new[stay], span[stay], row[stay]
+            least, most, around = least[stay], most[stay], around.take(stay, axis=0)
+        for end, offset in zip((low, high), ends, strict=True):
             squared = dot(offset, offset)
-            better = squared < distance
-            best = np.where(better, end, best)
-            distance = np.where(better, squared, distance)
+            closer = squared < distance
+            best = np.where(closer, end, best)
+            distance = np.where(closer, squared, distance)
         return best
 
 
@@ -256,8 +305,6 @@ def evaluate_rational(
     -------
     list of (n, 2) float arrays
     """
-    if not coefficients[:, 1:, 2].any():
-        return _polynomial(coefficients, parameter - 0.5, order)
     local = (parameter - 0.5)[:, None]
     degree = coefficients.shape[1] - 1
     values = [np.zeros((len(parameter), 3)) for _ in range(order + 1)]
@@ -287,15 +334,8 @@ def evaluate_rational(
     return result
 
 
-def _polynomial(coefficients: FloatArray, local: FloatArray, order: int) -> list[FloatArray]:
-    """Horner's rule for value and derivatives, (n, degree + 1, 3) coefficients of one weight each.
-
-    Rows are taken as columns: short inner axes are slow.
-    """
-    table = np.ascontiguousarray(coefficients.T)
-    weight, table = table[2, 0], table[:2]
-    if not (weight == 1).all():
-        table = table / weight
+def _polynomial(table: FloatArray, local: FloatArray, order: int) -> list[FloatArray]:
+    """Horner's rule for value and derivatives (n, 2) of polynomials (2, degree + 1, n)."""
     degree = table.shape[1] - 1
     values = [table[:, degree]]
     for power in range(degree - 1, -1, -1):
@@ -307,7 +347,7 @@ def _polynomial(coefficients: FloatArray, local: FloatArray, order: int) -> list
         values[0] = values[0] * local + table[:, power]
     while len(values) <= order:
         values.append(np.zeros_like(values[0]))
-    return [np.ascontiguousarray(value.T) for value in values]
+    return [value.T for value in values]
 
 
 def disk_through(chord: FloatArray, normal: FloatArray) -> FloatArray:
@@ -323,4 +363,4 @@ def disk_through(chord: FloatArray, normal: FloatArray) -> FloatArray:
 
 def dot(first: FloatArray, second: FloatArray) -> FloatArray:
     """(n,) products of the rows of two (n, 2) arrays."""
-    return np.asarray(np.einsum("ij,ij->i", first, second))
+    return np.asarray(first[:, 0] * second[:, 0] + first[:, 1] * second[:, 1])

@@ -11,10 +11,13 @@ import numpy as np
 from grassfire.errors import PlanningError
 from grassfire.job import Job, Operation, Tool
 from grassfire.medial import MedialAxis
+from grassfire.plan.adaptive import adaptive_pockets
 from grassfire.plan.depth import pass_floors
 from grassfire.plan.feeds import Feeds, entry_feed
 from grassfire.plan.offset import offset_pockets
+from grassfire.plan.order import tour
 from grassfire.plan.reach import Reach, reach
+from grassfire.plan.spiral import spiral_pockets
 from grassfire.plan.strategy import ClearingSettings, PocketPlan
 from grassfire.plan.strokes import Emitter, Levels
 from grassfire.report import Finding, Severity
@@ -55,7 +58,7 @@ class PlannedOperation:
 
 _STRATEGIES: dict[
     str, Callable[[MedialAxis, ClearingSettings], tuple[list[PocketPlan], list[Finding]]]
-] = {"offset": offset_pockets}
+] = {"adaptive": adaptive_pockets, "offset": offset_pockets, "spiral": spiral_pockets}
 
 
 def plan_operation(
@@ -90,8 +93,8 @@ def plan_operation(
     floors = pass_floors(
         job.stock.top, operation.depth, operation.stepdown, operation.axial_allowance
     )
-    levels = _levels(job)
-    feeds = _feeds(operation, tool)
+    levels = _levels(job, operation)
+    feeds = _feeds(operation, tool, job.stock.top - float(floors[0]))
     settings = _settings(operation, tool, job, levels, feeds, job.stock.top - float(floors[0]))
     _check_length(axes, tool, settings, len(floors))
     pockets = _pockets(axes, operation, tool, settings, findings)
@@ -121,17 +124,18 @@ def _check_length(
         )
 
 
-def _levels(job: Job) -> Levels:
+def _levels(job: Job, operation: Operation) -> Levels:
     return Levels(
         top=job.stock.top,
         retract=job.retract_height,
         clearance=job.clearance_height,
         above_floor=ABOVE_FLOOR,
         rapid=job.machine.rapid,
+        lift=operation.link_lift,
     )
 
 
-def _feeds(operation: Operation, tool: Tool) -> Feeds:
+def _feeds(operation: Operation, tool: Tool, step: float) -> Feeds:
     return Feeds(
         cut=tool.feed,
         link=operation.link_feed or tool.feed,
@@ -139,6 +143,11 @@ def _feeds(operation: Operation, tool: Tool) -> Feeds:
         plunge=tool.plunge_feed,
         tool_radius=tool.radius,
         inside=-1 if operation.direction == "conventional" else 1,
+        stepover=operation.stepover_fraction * tool.diameter,
+        stepdown=step,
+        slope=operation.ramp_angle_radians,
+        corrected=operation.arc_feed == "corrected",
+        thinning=operation.chip_thinning_factor,
     )
 
 
@@ -157,12 +166,14 @@ def _settings(
         entry=operation.entry,
         slope=operation.ramp_angle_radians,
         drop=drop,
+        step=step,
         climb=operation.direction != "conventional",
         both_ways=operation.direction == "both",
         finish=operation.finish_pass,
         fast_links=feeds.link > feeds.cut,
         longest_walk=retract * feeds.link,
         minimum_radius=operation.minimum_path_radius * tool.diameter,
+        link_speed=feeds.link / levels.rapid,
     )
 
 
@@ -247,15 +258,15 @@ def _nothing_fits(
 def _machine(
     pockets: Sequence[tuple[int, PocketPlan]], emitter: Emitter, floors: FloatArray
 ) -> None:
-    """Each pocket to its full depth, the nearest next; ends at clearance height."""
-    left = list(pockets)
+    """Each pocket to its full depth, in an order of short travels; ends at clearance height."""
+    here = emitter.place
+    known = bool(np.all(np.isfinite(here)))
+    peaks = np.array([pocket.peak for _, pocket in pockets])
     last = -1
-    while left:
+    for index in tour(peaks, here if known else None).tolist():
+        region, pocket = pockets[index]
         here = emitter.place
-        known = bool(np.all(np.isfinite(here)))
-        gaps = [float(np.hypot(*(item.peak - here))) if known else 0.0 for _, item in left]
-        region, pocket = left.pop(int(np.argmin(gaps)))
-        pocket.plan(here if known else pocket.peak)
+        pocket.plan(here if np.all(np.isfinite(here)) else pocket.peak)
         height = emitter.levels.retract if region == last else emitter.levels.clearance
         emitter.travel(pocket.strokes[0].path.start, height)
         emitter.passes(pocket.strokes, pocket.finish, floors)

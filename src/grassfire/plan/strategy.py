@@ -27,8 +27,8 @@ class ClearingSettings:
         How far paths may deviate from exact curves.
     entry : str
         "helix", "ramp" or "plunge".
-    slope, drop : float
-        Steepest descent of helix and ramp, and the height that each descent loses.
+    slope, drop, step : float
+        Steepest descent of helix and ramp, the height that each descent loses, and that of a pass.
     climb : bool
         Whether the stock is on the right of the travel.
     both_ways : bool
@@ -41,6 +41,8 @@ class ClearingSettings:
         How far a link may go before a retract is quicker, mm.
     minimum_radius : float
         Smallest radius of curvature of cuts in stock where the shape leaves the choice, mm.
+    link_speed : float
+        Speed of links as a part of that of rapids.
     """
 
     tool_radius: float
@@ -51,12 +53,14 @@ class ClearingSettings:
     entry: str
     slope: float
     drop: float
+    step: float
     climb: bool
     both_ways: bool
     finish: bool
     fast_links: bool
     longest_walk: float
     minimum_radius: float
+    link_speed: float = 0.25
 
 
 class PocketPlan(Protocol):

@@ -9,8 +9,18 @@ from enum import Enum
 import numpy as np
 
 from grassfire.plan.feeds import Feeds
-from grassfire.plan.path import Path
+from grassfire.plan.path import Path, segment
 from grassfire.toolpath import FloatArray, Role, ToolpathBuilder
+
+RETRACT = 1.0
+"""What a retract costs besides its length, s: two stops more, and a mark on the floor."""
+
+
+LIFT_SLOPE = 0.25
+"""Height over length of the rise and fall of lifted links."""
+
+SHORTEST_RUN = 0.01
+"""Shorter pieces of lifted links are left out, mm."""
 
 
 class StrokeKind(Enum):
@@ -36,12 +46,22 @@ class Stroke:
     air : bool
         FEED: proven to lie in cleared area. DESCEND: the straight way to its start from the stroke
         before is proven to lie where every pass before this one has cleared.
+    approach : Path, optional
+        DESCEND: a way to its start from the end of the stroke before that is proven so, where the
+        straight one is not.
+    wall : bool
+        CUT: leaves the finished wall.
+    steady : bool
+        CUT: its engagement is known not to exceed that of a straight cut.
     """
 
     kind: StrokeKind
     path: Path
     role: Role
     air: bool = False
+    wall: bool = False
+    approach: Path | None = None
+    steady: bool = False
 
 
 @dataclass(frozen=True)
@@ -55,6 +75,8 @@ class Levels:
         How far above the floor of the pass before a descent starts.
     rapid : float
         Speed of rapids, mm/min.
+    lift : float
+        How far links through cleared area rise above the floor.
     """
 
     top: float
@@ -62,6 +84,7 @@ class Levels:
     clearance: float
     above_floor: float
     rapid: float
+    lift: float = 0.0
 
     def entry_height(self, previous_floor: float) -> float:
         """Where a descent from a floor (or from the top of the stock) starts."""
@@ -113,11 +136,16 @@ class Emitter:
         """Reach the start of a descent and sink to the floor."""
         entry = self.levels.entry_height(previous_floor)
         start = stroke.path.start
-        x, y, z = self.builder.position
-        if stay and self._worth_staying(start, entry):
+        approach = stroke.approach
+        if approach is None and stroke.air and not np.array_equal(self.place, start):
+            approach = segment(self.place, start)
+        if stay and (approach is None or self._worth_staying(approach.length, start, entry)):
+            x, y, z = self.builder.position
             if z < entry:
                 self.builder.line(x, y, entry, self.feeds.link, Role.LINK)
-            self.builder.line(start[0], start[1], entry, self.feeds.link, Role.LINK)
+            if approach is not None:
+                feed = self.feeds.along(approach, Role.LINK)
+                self.follow(approach, Role.LINK, entry, entry, feed)
         else:
             self.travel(start, self.levels.retract)
             self.lower(entry)
@@ -127,29 +155,53 @@ class Emitter:
         else:
             self.builder.line(start[0], start[1], floor, self.feeds.plunge, Role.ENTRY)
 
-    def _worth_staying(self, target: FloatArray, entry: float) -> bool:
+    def _worth_staying(self, length: float, target: FloatArray, entry: float) -> bool:
         """Whether feeding across at the height of entry is no slower than retracting."""
         x, y, z = self.builder.position
         distance = float(np.hypot(target[0] - x, target[1] - y))
         height = 2 * self.levels.retract - entry - z
-        # two stops more, each a few tenths of a second
-        retracted = (distance + height) / self.levels.rapid + 0.5 / 60
-        return distance / self.feeds.link <= retracted
+        retracted = (distance + height) / self.levels.rapid + RETRACT / 60
+        return length / self.feeds.link <= retracted
 
     def stroke(self, stroke: Stroke, previous_floor: float, floor: float, first_pass: bool) -> None:
         """Write one stroke of the pass from `previous_floor` to `floor`."""
         if stroke.kind is StrokeKind.DESCEND:
-            self.descend(stroke, previous_floor, floor, stroke.air and not first_pass)
+            stay = (stroke.air or stroke.approach is not None) and not first_pass
+            self.descend(stroke, previous_floor, floor, stay)
         elif stroke.kind is StrokeKind.HOP:
             start = stroke.path.start
             self.travel(start, self.levels.retract)
             self.lower(min(floor + self.levels.above_floor, self.levels.retract))
             self.builder.line(start[0], start[1], floor, self.feeds.plunge, Role.LINK)
         else:
-            feed = self.feeds.along(stroke.path, stroke.role)
+            feed = self.feeds.along(stroke.path, stroke.role, stroke.wall, stroke.steady)
             if stroke.role is Role.LINK and not stroke.air:
                 feed = np.minimum(feed, self.feeds.cut)
-            self.follow(stroke.path, stroke.role, floor, floor, feed)
+            if stroke.role is Role.LINK and stroke.air and self.levels.lift > 0:
+                self._lifted(stroke.path, floor, feed)
+            else:
+                self.follow(stroke.path, stroke.role, floor, floor, feed)
+
+    def _lifted(self, path: Path, floor: float, feed: FloatArray) -> None:
+        """A link that rises over its first stretch and sinks over its last one.
+
+        By the lift, no steeper than `LIFT_SLOPE`, and not above clearance height.
+        """
+        lift = min(self.levels.lift, self.levels.clearance - floor, path.length / 2 * LIFT_SLOPE)
+        run = lift / LIFT_SLOPE
+        if run <= SHORTEST_RUN:
+            self.follow(path, Role.LINK, floor, floor, feed)
+            return
+        most = float(feed[0])
+        high, stop = floor + lift, path.length - run
+        parts = [(path.slice(0.0, run), floor, high)]
+        if stop - run > SHORTEST_RUN:
+            parts.append((path.slice(run, stop), high, high))
+        else:
+            stop = run
+        parts.append((path.slice(stop, path.length), high, floor))
+        for part, begin, end in parts:
+            self.follow(part, Role.LINK, begin, end, np.full(len(part), most))
 
     def passes(
         self, strokes: Sequence[Stroke], finish: Sequence[Stroke], floors: FloatArray

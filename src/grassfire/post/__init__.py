@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
+from dataclasses import replace
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -16,11 +17,20 @@ from pydantic import ValidationError
 
 from ..errors import InputError
 from ..tolerance import MACHINING
-from ..toolpath import Program
+from ..toolpath import Program, Section
 from .definition import Post
+from .plain import render_plain_language
 from .render import render_program
 
-__all__ = ["Post", "PostProcessor", "find_posts", "load_post", "registered_posts", "render"]
+__all__ = [
+    "Post",
+    "PostProcessor",
+    "find_posts",
+    "load_post",
+    "registered_posts",
+    "render",
+    "split_by_tool",
+]
 
 ENTRY_POINT_GROUP = "grassfire.posts"
 
@@ -128,7 +138,8 @@ def render(
         move across and up or down at once below the clearance height, lines that are too long.
     """
     if isinstance(post, Post):
-        return render_program(
+        write = render_plain_language if post.dialect == "plain-language" else render_program
+        return write(
             program,
             post,
             clearance_height=clearance_height,
@@ -137,6 +148,23 @@ def render(
         )
     return post.render(
         program, clearance_height=clearance_height, tolerance=tolerance, findings=findings
+    )
+
+
+def split_by_tool(program: Program) -> tuple[Program, ...]:
+    """One program for each run of sections with one tool, in the order of machining.
+
+    They are named after the program, counted from 1: `bracket-1-T1`, `bracket-2-T4`. Each is
+    complete: the position is not known where it begins.
+    """
+    runs: list[list[Section]] = []
+    for section in program.sections:
+        if not runs or runs[-1][-1].tool_number != section.tool_number:
+            runs.append([])
+        runs[-1].append(section)
+    return tuple(
+        replace(program, name=f"{program.name}-{count}-T{run[0].tool_number}", sections=tuple(run))
+        for count, run in enumerate(runs, 1)
     )
 
 

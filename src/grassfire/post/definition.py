@@ -11,11 +11,20 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 _WORD = re.compile(r"[A-Z][-+]?(?:\d+\.?\d*|\.\d+)|%")
 
 PLACEHOLDERS = {
-    "program": frozenset({"name", "wcs", "tolerance", "clearance_height"}),
-    "tool_change": frozenset({"tool", "diameter"}),
+    "program": frozenset(
+        {
+            *("name", "label", "identifier", "number"),
+            *("units", "wcs", "tolerance", "clearance_height"),
+        }
+    ),
+    "tool_change": frozenset({"tool", "diameter", "speed"}),
     "spindle": frozenset({"speed"}),
+    "dwell": frozenset({"seconds", "milliseconds"}),
 }
 """Names that may stand in braces in the templates of each table."""
+
+INCH = 25.4
+"""Millimetres in an inch."""
 
 _Decimals = Annotated[int, Field(ge=0, le=8)]
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -26,20 +35,29 @@ class _Table(BaseModel):
 
 
 class Words(_Table):
-    """The words of the four motions."""
+    """The words of the four motions, and what `{units}` stands for."""
 
     rapid: str = "G0"
     line: str = "G1"
     arc_cw: str = "G2"
     arc_ccw: str = "G3"
+    millimetres: str = "G21"
+    inches: str = "G20"
 
 
 class Numbers(_Table):
-    """Decimals of coordinates (mm), feeds (mm/min) and spindle speeds (1/min)."""
+    """Units, and decimals of coordinates, feeds (units/min) and spindle speeds (1/min).
 
+    `feed_point` is for controllers that scale a feed without a decimal point: F300 becomes F300.
+    """
+
+    units: Literal["mm", "inch"] = "mm"
     decimals: _Decimals = 3
     feed_decimals: _Decimals = 1
+    inch_decimals: _Decimals = 4
+    inch_feed_decimals: _Decimals = 2
     speed_decimals: _Decimals = 0
+    feed_point: bool = False
 
 
 class Arcs(_Table):
@@ -48,6 +66,8 @@ class Arcs(_Table):
     `form`: centre relative to the start, centre in coordinates, radius, or no arcs at all
     (chords). Angles in degrees, lengths in mm. Arcs outside the radius limits become chords.
     `extra_decimal` lets I, J and R have one decimal more than coordinates where that is needed.
+    `helix_word` closes the blocks of arcs that change z. No arc as written sweeps more than
+    `largest_sweep`.
     """
 
     form: Literal["ij-incremental", "ij-absolute", "r", "none"] = "ij-incremental"
@@ -58,6 +78,7 @@ class Arcs(_Table):
     smallest_radius: _Positive = 0.01
     largest_radius: _Positive = 1e5
     extra_decimal: bool = True
+    helix_word: str = ""
 
     @model_validator(mode="after")
     def _radius_form_is_split(self) -> Self:
@@ -68,11 +89,15 @@ class Arcs(_Table):
 
 
 class Modality(_Table):
-    """Which words may be left out when they repeat."""
+    """Which words may be left out when they repeat.
+
+    `rapid_feed`, mm/min, is for controllers whose rapids run at a feed that the program gives.
+    """
 
     motion: bool = True
     coordinates: bool = True
     feed: bool = True
+    rapid_feed: _Positive | None = None
 
 
 class LineNumbers(_Table):
@@ -92,29 +117,56 @@ class Comments(_Table):
     upper_case: bool = False
 
 
-class ProgramFrame(_Table):
-    """Lines that open and close a program."""
+class ProgramNumber(_Table):
+    """Range of `{number}` and its digits; see `words.program_number`."""
 
+    digits: Annotated[int, Field(ge=1, le=8)] = 4
+    largest: Annotated[int, Field(ge=1)] = 7999
+
+
+class ProgramFrame(_Table):
+    """Lines that open and close a program: opening, comments, header, then footer."""
+
+    opening: tuple[str, ...] = ()
     header_comments: tuple[str, ...] = ("{name}",)
     header: tuple[str, ...]
     footer: tuple[str, ...]
+    number: ProgramNumber = ProgramNumber()
     line_length: Annotated[int, Field(ge=40)] = 255
 
 
 class ToolChange(_Table):
-    """Lines for the first tool and for every later one, each after an optional comment."""
+    """Lines for the first tool and for every later one, each after an optional comment.
+
+    `length` stands in the first block that moves Z with a tool. With `retracted` these lines leave
+    the spindle at the top of its travel, so the way across comes before the way down. With
+    `split` there is no change: every tool gets a program of its own.
+    """
 
     first_comment: str = ""
     first: tuple[str, ...] = ()
     next_comment: str = ""
-    next: tuple[str, ...]
+    next: tuple[str, ...] = ()
+    length: str = ""
+    retracted: bool = False
+    split: bool = False
+
+    @model_validator(mode="after")
+    def _change_is_a_change(self) -> Self:
+        if not self.next and not self.split:
+            raise ValueError("`next` is empty: give lines that change the tool, or split = true")
+        return self
 
 
 class Spindle(_Table):
-    """Lines that start and stop the spindle."""
+    """Lines that start the spindle, change its speed with the same tool (as `start`, if empty)
+    and stop it; a dwell of `spin_up` seconds follows a start."""
 
     start: tuple[str, ...] = ("S{speed} M3",)
+    change: tuple[str, ...] = ()
     stop: tuple[str, ...] = ("M5",)
+    spin_up: Annotated[float, Field(ge=0, le=60)] = 0.0
+    dwell: tuple[str, ...] = ("G4 P{seconds}",)
 
 
 class Coolant(_Table):
@@ -126,9 +178,13 @@ class Coolant(_Table):
 
 
 class Post(_Table):
-    """One controller's post definition."""
+    """One controller's post definition.
+
+    `dialect` chooses the renderer: words of G-code, or Heidenhain's plain language.
+    """
 
     name: str
+    dialect: Literal["g-code", "plain-language"] = "g-code"
     description: str
     source: tuple[str, ...] = ()
     extension: Annotated[str, Field(pattern=r"^[A-Za-z0-9]+$")]
@@ -149,20 +205,53 @@ class Post(_Table):
     def _templates_are_sound(self) -> Self:
         frame, change, spindle = self.program, self.tool_change, self.spindle
         texts = {
-            "program": (*frame.header_comments, *frame.header, *frame.footer),
-            "tool_change": (change.first_comment, *change.first, change.next_comment, *change.next),
-            "spindle": (*spindle.start, *spindle.stop),
+            "program": (*frame.opening, *frame.header_comments, *frame.header, *frame.footer),
+            "tool_change": (
+                *(change.first_comment, *change.first, change.next_comment, *change.next),
+                change.length,
+            ),
+            "spindle": (*spindle.start, *spindle.change, *spindle.stop),
+            "dwell": spindle.dwell,
         }
         for table, templates in texts.items():
             for template in templates:
                 _check_placeholders(table, template)
-        code = (*frame.header, *frame.footer, *change.first, *change.next, *texts["spindle"])
+        code = (
+            *(*frame.opening, *frame.header, *frame.footer, *change.first, *change.next),
+            *(change.length, *texts["spindle"], *spindle.dwell, self.arcs.helix_word),
+        )
         motions = self.words.model_dump().values()
         for line in (*code, *motions, *self.coolant.model_dump().values()):
             word = self.refused_word(line)
             if word:
                 raise ValueError(f"{line!r} holds {word}, which `refuses` lists")
         return self
+
+    def in_units(self, units: Literal["mm", "inch"]) -> Post:
+        """The same post with programs in other units."""
+        return self.model_copy(update={"numbers": self.numbers.model_copy(update={"units": units})})
+
+    @property
+    def scale(self) -> float:
+        """Millimetres in one unit of the program."""
+        return INCH if self.numbers.units == "inch" else 1.0
+
+    @property
+    def decimals(self) -> int:
+        """Decimals of coordinates in the units of the program."""
+        numbers = self.numbers
+        return numbers.inch_decimals if numbers.units == "inch" else numbers.decimals
+
+    @property
+    def feed_decimals(self) -> int:
+        """Decimals of feeds in the units of the program."""
+        numbers = self.numbers
+        return numbers.inch_feed_decimals if numbers.units == "inch" else numbers.feed_decimals
+
+    @property
+    def units_word(self) -> str:
+        """What `{units}` stands for."""
+        return self.words.inches if self.numbers.units == "inch" else self.words.millimetres
 
     def refused_word(self, line: str) -> str | None:
         """First word of a line of code that the controller refuses, or None."""

@@ -2,57 +2,13 @@
 
 from __future__ import annotations
 
-import unicodedata
-
 import numpy as np
 
 from ..errors import InputError
 from ..toolpath import FloatArray, MoveKind, Program, Section, Toolpath
-from .definition import Comments, Post
-from .rounding import WrittenMoves, written_moves
-
-_ARC_KINDS = (int(MoveKind.ARC_CW), int(MoveKind.ARC_CCW))
-
-
-def fixed(value: float, decimals: int) -> str:
-    """A number with a fixed count of decimals: no exponent, no negative zero."""
-    text = f"{value:.{decimals}f}"
-    return text[1:] if text.startswith("-") and not text.strip("-0.") else text
-
-
-def trimmed(value: float, decimals: int) -> str:
-    """A number with at most so many decimals, without trailing zeros."""
-    text = fixed(value, decimals)
-    return text.rstrip("0").rstrip(".") if "." in text else text
-
-
-def fold(text: str, comments: Comments) -> str:
-    """Comment text in the characters that a controller bears, cut to its length."""
-    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode("ascii")
-    forbidden = set(comments.forbidden) | set("()")
-    kept = "".join(
-        " " if character in forbidden or not character.isprintable() else character
-        for character in plain
-    )
-    kept = " ".join(kept.split())[: comments.max_length].rstrip()
-    return kept.upper() if comments.upper_case else kept
-
-
-def diameter_word(diameter: float) -> str:
-    """`D6`, or nothing where the diameter is not known."""
-    return f"D{trimmed(diameter, 4)}" if np.isfinite(diameter) else ""
-
-
-def marker(section: Section, comments: Comments) -> str:
-    """Text of the comment that opens a section: `operation 1: offset, tool 1 D6`.
-
-    Operations are counted from 1 in text; 0 stands for one that is not known. A long name is cut
-    so that the tool stays readable.
-    """
-    head = f"operation {section.operation + 1}"
-    tail = f", tool {section.tool_number} {diameter_word(section.tool_diameter)}".rstrip()
-    name = fold(section.name, comments)[: max(0, comments.max_length - len(head) - len(tail) - 2)]
-    return head + (f": {name.rstrip()}" if name else "") + tail
+from .definition import Post
+from .rounding import Grid, WrittenMoves, written_moves
+from .words import diameter_word, fixed, fold, identifier, marker, program_number, trimmed
 
 
 def render_program(
@@ -64,11 +20,11 @@ def render_program(
     findings: list[str] | None = None,
 ) -> str:
     """Write a program as a `Post` says; see `grassfire.post.render`."""
-    renderer = _Renderer(post, clearance_height, tolerance, [] if findings is None else findings)
+    renderer = Renderer(post, clearance_height, tolerance, [] if findings is None else findings)
     return renderer.program(program)
 
 
-class _Renderer:
+class Renderer:
     """The text so far and the controller's state behind it."""
 
     def __init__(
@@ -77,15 +33,21 @@ class _Renderer:
         if not np.isfinite(clearance_height):
             raise InputError("the clearance height is not a finite number", source=post.name)
         self.post = post
+        self.grid = Grid(post.decimals, post.scale)
         self.tolerance = tolerance
-        self.clearance = round(float(clearance_height), post.numbers.decimals) + 0.0
+        self.clearance = float(self.grid.nearest(np.array(clearance_height)))
         self.findings = findings
+        rapid_feed = post.modality.rapid_feed
+        self.rapid_feed = "" if rapid_feed is None else self._feed_word(rapid_feed)
         self.lines: list[str] = []
         # Last words written; None where the controller's state is not known.
         self.position: list[float | None] = [None, None, None]
         self.motion: str | None = None
         self.feed: str | None = None
         self.section: Section | None = None
+        # Word that waits for the first block that moves Z.
+        self.length_word = ""
+        self._widen_tolerance()
 
     def program(self, program: Program) -> str:
         """All blocks, one text."""
@@ -96,13 +58,13 @@ class _Renderer:
                 f"post {self.post.name!r} has no work coordinate system {program.wcs!r}",
                 remedy="use one of " + ", ".join(self.post.wcs),
             )
-        frame = self.post.program
-        values = {
-            "name": program.name,
-            "wcs": program.wcs,
-            "tolerance": trimmed(self.tolerance, 6),
-            "clearance_height": fixed(self.clearance, self.post.numbers.decimals),
-        }
+        if self.post.tool_change.split and len({s.tool_number for s in program.sections}) > 1:
+            raise InputError(
+                f"post {self.post.name!r} changes no tools",
+                remedy="write one program for each tool: split_by_tool",
+            )
+        frame, values = self.post.program, self._program_values(program)
+        self._code(frame.opening, values)
         for template in frame.header_comments:
             self._comment(template.format(**values))
         self._code(frame.header, values)
@@ -113,14 +75,44 @@ class _Renderer:
         self._code(frame.footer, values)
         return "".join(line + "\n" for line in self._numbered())
 
+    def _widen_tolerance(self) -> None:
+        """Programs in inches cannot hold positions closer than their last decimal."""
+        if self.post.numbers.units == "inch" and self.tolerance < self.grid.step:
+            self.findings.append(
+                f"in inches with {self.post.decimals} decimals arcs lie within "
+                f"{self.grid.step:g} mm of the plan instead of {self.tolerance:g} mm"
+            )
+            self.tolerance = self.grid.step
+
+    def _program_values(self, program: Program) -> dict[str, str]:
+        """What stands for the placeholders of the frame."""
+        post = self.post
+        return {
+            "name": program.name,
+            "label": fold(program.name, post.comments) or identifier(program.name),
+            "identifier": identifier(program.name),
+            "number": program_number(program.name, post.program.number),
+            "units": post.units_word,
+            "wcs": program.wcs,
+            "tolerance": trimmed(self.tolerance / post.scale, 6),
+            "clearance_height": self._number(self.clearance),
+        }
+
     # Blocks that are not motions
+
+    def _number(self, value: float, extra: int = 0) -> str:
+        """A length in mm as text in the post's units."""
+        return fixed(value / self.post.scale, self.post.decimals + extra)
+
+    def _is_numbered(self, line: str) -> bool:
+        return line[0] not in "(;%O"
 
     def _numbered(self) -> list[str]:
         numbers, limit = self.post.line_numbers, self.post.program.line_length
         lines: list[str] = []
         count = 0
         for line in self.lines:
-            if numbers is not None and line[0] not in "(;%":
+            if numbers is not None and self._is_numbered(line):
                 line = f"{numbers.word}{numbers.start + numbers.step * count} {line}"
                 count += 1
             if len(line) > limit:
@@ -159,6 +151,7 @@ class _Renderer:
             self._code((self.post.coolant.off,), {})
 
     def _forget_position(self) -> None:
+        """After a tool change the controller may be anywhere."""
         self.position = [None, None, None]
         self.motion = self.feed = None
 
@@ -183,10 +176,12 @@ class _Renderer:
             self._forget_position()
         self.section = section
         if new_speed:
-            self._spindle(section)
+            self._spindle(section, new_tool)
         if new_coolant and section.coolant != "off":
             self._code((self._coolant_word(section),), {})
         if not stays:
+            if new_tool and self.post.tool_change.retracted:
+                self._across(section.toolpath)
             self._to_clearance()
         self._moves(section.toolpath)
 
@@ -195,18 +190,30 @@ class _Renderer:
         values = {
             "tool": str(section.tool_number),
             "diameter": diameter_word(section.tool_diameter),
+            "speed": self._speed(section),
         }
         comment = change.first_comment if first else change.next_comment
         if comment:
             self._comment(" ".join(comment.format(**values).replace(" ,", ",").split()))
         self._code(change.first if first else change.next, values)
+        self.length_word = change.length.format(**values)
 
-    def _spindle(self, section: Section) -> None:
+    def _speed(self, section: Section) -> str:
         speed = section.spindle_speed
         if not (np.isfinite(speed) and speed > 0):
             raise InputError(f"section {section.name!r} has no spindle speed")
-        words = {"speed": trimmed(speed, self.post.numbers.speed_decimals)}
-        self._code(self.post.spindle.start, words)
+        return trimmed(speed, self.post.numbers.speed_decimals)
+
+    def _spindle(self, section: Section, new_tool: bool) -> None:
+        spindle = self.post.spindle
+        lines = spindle.start if new_tool else spindle.change or spindle.start
+        self._code(lines, {"speed": self._speed(section)})
+        if spindle.spin_up:
+            seconds = {
+                "seconds": trimmed(spindle.spin_up, 3),
+                "milliseconds": trimmed(1000 * spindle.spin_up, 0),
+            }
+            self._code(spindle.dwell, seconds)
 
     def _coolant_word(self, section: Section) -> str:
         words = self.post.coolant.model_dump()
@@ -222,7 +229,7 @@ class _Renderer:
     # Motions
 
     def _is_at(self, position: FloatArray) -> bool:
-        rounded = np.round(position, self.post.numbers.decimals)
+        rounded = self.grid.nearest(position)
         return all(
             known is not None and known == value
             for known, value in zip(self.position, rounded.tolist(), strict=True)
@@ -232,12 +239,18 @@ class _Renderer:
         """Rise (or, from nowhere, go) to the clearance height; stay where the tool is higher."""
         height = self.position[2]
         if height is None or height < self.clearance:
-            self._straight(self.post.words.rapid, [None, None, self.clearance])
+            self._straight(self.post.words.rapid, [None, None, self.clearance], self.rapid_feed)
+
+    def _across(self, toolpath: Toolpath) -> None:
+        """From the top of the spindle's travel: go over the first point before the way down."""
+        if len(toolpath) and toolpath.kind[0] == MoveKind.RAPID:
+            x, y = self.grid.nearest(toolpath.end[0, :2]).tolist()
+            if x == x and y == y:
+                self._straight(self.post.words.rapid, [x, y, None], self.rapid_feed)
 
     def _approach(self, toolpath: Toolpath) -> FloatArray:
         """Go to where a section says it starts; returns the position before its first move."""
-        decimals = self.post.numbers.decimals
-        start = np.round(toolpath.start, decimals) + 0.0
+        start = self.grid.nearest(toolpath.start)
         here = np.array([np.nan if value is None else value for value in self.position])
         if toolpath.kind[0] == MoveKind.RAPID or self._is_at(start):
             return here
@@ -256,26 +269,24 @@ class _Renderer:
         if not len(toolpath):
             return
         start = self._approach(toolpath)
-        numbers = self.post.numbers
         # Arcs are cut by their planned start, so the exact one is kept where there is one.
-        if np.array_equal(np.round(toolpath.start, numbers.decimals) + 0.0, start):
+        if np.array_equal(self.grid.nearest(toolpath.start), start):
             start = toolpath.start
-        moves = written_moves(toolpath, self.post.arcs, numbers.decimals, self.tolerance, start)
+        post = self.post
+        moves = written_moves(toolpath, post.arcs, post.decimals, self.tolerance, start, post.scale)
         self._note_arcs(toolpath, moves)
-        words = self.post.words
-        arc_words = {_ARC_KINDS[0]: words.arc_cw, _ARC_KINDS[1]: words.arc_ccw}
         centre_words = self._centre_words(moves)
         feeds = self._feed_words(moves)
-        rapid = int(MoveKind.RAPID)
-        for kind, end, feed, centre in zip(
-            moves.kind.tolist(), moves.end.tolist(), feeds, centre_words, strict=True
+        rapid, line = int(MoveKind.RAPID), int(MoveKind.LINE)
+        for row, (kind, end) in enumerate(
+            zip(moves.kind.tolist(), moves.end.tolist(), strict=True)
         ):
             if kind == rapid:
                 self._rapid([None if value != value else value for value in end])
-            elif kind in arc_words:
-                self._arc(arc_words[kind], end, centre, feed)
+            elif kind == line:
+                self._straight(post.words.line, end, feeds[row])
             else:
-                self._straight(words.line, end, feed)
+                self._arc(moves, row, end, centre_words[row], feeds[row])
 
     def _note_arcs(self, toolpath: Toolpath, moves: WrittenMoves) -> None:
         planned = int(np.count_nonzero(toolpath.is_arc))
@@ -286,28 +297,33 @@ class _Renderer:
 
     def _centre_words(self, moves: WrittenMoves) -> list[str]:
         """I and J, or R, of every arc; empty for straight moves."""
-        decimals, form = self.post.numbers.decimals, self.post.arcs.form
+        number, form = self._number, self.post.arcs.form
         arcs = (moves.kind >= MoveKind.ARC_CW).tolist()
-        places = (decimals + moves.fine).tolist()
+        extra = moves.fine.tolist()
         if form == "r":
             return [
-                f"R{fixed(radius, place)}" if arc else ""
-                for arc, radius, place in zip(arcs, moves.radius.tolist(), places, strict=True)
+                f"R{number(radius, more)}" if arc else ""
+                for arc, radius, more in zip(arcs, moves.radius.tolist(), extra, strict=True)
             ]
         origin = moves.begin[:, :2] if form == "ij-incremental" else 0.0
         return [
-            f"I{fixed(first, place)} J{fixed(second, place)}" if arc else ""
-            for arc, (first, second), place in zip(
-                arcs, (moves.centre - origin).tolist(), places, strict=True
+            f"I{number(first, more)} J{number(second, more)}" if arc else ""
+            for arc, (first, second), more in zip(
+                arcs, (moves.centre - origin).tolist(), extra, strict=True
             )
         ]
 
     def _feed_words(self, moves: WrittenMoves) -> list[str]:
-        decimals = self.post.numbers.feed_decimals
         texts: dict[float, str] = {}
         for feed in np.unique(moves.feed[np.isfinite(moves.feed)]).tolist():
-            texts[feed] = f"F{trimmed(max(feed, 10.0**-decimals), decimals)}"
+            texts[feed] = self._feed_word(feed)
         return [texts.get(feed, "") for feed in moves.feed.tolist()]
+
+    def _feed_word(self, feed: float) -> str:
+        """F in units a minute, never 0."""
+        decimals = self.post.feed_decimals
+        text = trimmed(max(feed / self.post.scale, 10.0**-decimals), decimals)
+        return f"F{text}." if self.post.numbers.feed_point and "." not in text else f"F{text}"
 
     def _rapid(self, end: list[float | None]) -> None:
         """A rapid, in two blocks where it moves across and up or down: never a diagonal."""
@@ -317,7 +333,7 @@ class _Renderer:
             for value, known in zip(end[:2], self.position[:2], strict=True)
         )
         if not across or target is None or height is None or target == height:
-            self._straight(self.post.words.rapid, end)
+            self._straight(self.post.words.rapid, end, self.rapid_feed)
             return
         if max(height, target) < self.clearance:
             raise InputError(
@@ -329,10 +345,10 @@ class _Renderer:
         upright: list[float | None] = [None, None, target]
         level: list[float | None] = [end[0], end[1], None]
         for part in (upright, level) if target > height else (level, upright):
-            self._straight(self.post.words.rapid, part)
+            self._straight(self.post.words.rapid, part, self.rapid_feed)
 
     def _straight(self, motion: str, end: list[float | None], feed: str = "") -> None:
-        decimals, modal = self.post.numbers.decimals, self.post.modality.coordinates
+        modal = self.post.modality.coordinates
         words = []
         moved = False
         for axis, value in enumerate(end):
@@ -342,18 +358,25 @@ class _Renderer:
                 moved = True
             elif modal:
                 continue
-            words.append(f"{'XYZ'[axis]}{fixed(value, decimals)}")
+            words.append(f"{'XYZ'[axis]}{self._number(value)}")
             self.position[axis] = value
-        if moved:
-            self._block(motion, words, feed)
+        if not moved:
+            return
+        if self.length_word and end[2] is not None:
+            words.insert(0, self.length_word)
+            self.length_word = ""
+        self._block(motion, words, feed)
 
-    def _arc(self, motion: str, end: list[float], centre: str, feed: str) -> None:
-        decimals = self.post.numbers.decimals
-        words = [f"X{fixed(end[0], decimals)}", f"Y{fixed(end[1], decimals)}"]
+    def _arc(self, moves: WrittenMoves, row: int, end: list[float], centre: str, feed: str) -> None:
+        motions, helix_word = self.post.words, self.post.arcs.helix_word
+        motion = motions.arc_cw if moves.kind[row] == MoveKind.ARC_CW else motions.arc_ccw
+        words = [f"X{self._number(end[0])}", f"Y{self._number(end[1])}"]
         if end[2] != self.position[2]:
-            words.append(f"Z{fixed(end[2], decimals)}")
+            words += [f"Z{self._number(end[2])}", centre, *([helix_word] if helix_word else [])]
+        else:
+            words.append(centre)
         self.position = [end[0], end[1], end[2]]
-        self._block(motion, [*words, centre], feed)
+        self._block(motion, words, feed)
 
     def _block(self, motion: str, words: list[str], feed: str) -> None:
         modality = self.post.modality

@@ -26,6 +26,28 @@ IntArray = NDArray[np.int64]
 # What every controller bears, mm and fraction of the radius: more is a fault of the planner.
 _PLANNED_MISMATCH = (0.005, 0.001)
 _LARGEST_TURN_CHANGE = np.pi / 4
+_ROUNDING_OF_ANGLES = 1e-9
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The numbers that a text can hold: multiples of the last decimal of its units."""
+
+    decimals: int
+    scale: float = 1.0  # mm in one unit
+
+    @property
+    def step(self) -> float:
+        """Distance of neighbouring numbers, mm."""
+        return self.scale * 10.0**-self.decimals
+
+    def finer(self, extra: int) -> Grid:
+        """The grid with `extra` decimals more."""
+        return Grid(self.decimals + extra, self.scale)
+
+    def nearest(self, values: FloatArray) -> FloatArray:
+        """Values, mm, moved to the grid; without negative zeros."""
+        return np.asarray(np.round(values / self.scale, self.decimals) * self.scale + 0.0)
 
 
 @dataclass(frozen=True)
@@ -97,7 +119,12 @@ class _Planned:
 
 
 def written_moves(
-    toolpath: Toolpath, arcs: Arcs, decimals: int, tolerance: float, start: FloatArray | None = None
+    toolpath: Toolpath,
+    arcs: Arcs,
+    decimals: int,
+    tolerance: float,
+    start: FloatArray | None = None,
+    scale: float = 1.0,
 ) -> WrittenMoves:
     """Round a tool path to a post's decimals.
 
@@ -107,12 +134,14 @@ def written_moves(
     arcs : Arcs
         The post's arc form and limits.
     decimals : int
-        Decimals of the coordinates, which are in mm.
+        Decimals of the coordinates in the units of the text.
     tolerance : float
         How far an arc or chord as written may lie from the planned arc, mm; at least one unit of
         the last decimal.
     start : (3,) float array, optional
         Position before the first move where it differs from `toolpath.start`, mm.
+    scale : float
+        mm in one unit of the text.
 
     Returns
     -------
@@ -125,7 +154,8 @@ def written_moves(
     InputError
         For arcs without a known start or with two radii, and values that are not finite.
     """
-    unit = 10.0**-decimals
+    grid = Grid(decimals, scale)
+    unit = grid.step
     if not tolerance >= unit:
         raise InputError(
             f"tolerance {tolerance:g} mm is below the post's last decimal ({unit:g} mm)",
@@ -136,12 +166,12 @@ def written_moves(
     chord_height = max(tolerance - np.sqrt(0.5) * unit, tolerance / 4)
     moves = _cut_to_limits(moves, arcs, unit, chord_height)
     while not moves.settled.all():
-        moves = _settle(moves, arcs, decimals, tolerance)
+        moves = _settle(moves, arcs, grid, tolerance)
         failed = ~moves.settled
         flat = failed & (moves.height <= chord_height)
         moves = _as_lines(moves, flat)
         moves = _subdivide(moves, np.where(failed & ~flat, 2, 1))
-    begin, end = _on_grid(moves.begin, decimals), _on_grid(moves.end, decimals)
+    begin, end = grid.nearest(moves.begin), grid.nearest(moves.end)
     # Not a number differs from itself: an axis that becomes known is a move.
     kept = (moves.kind >= MoveKind.ARC_CW) | np.any((begin != end) & ~np.isnan(end), axis=1)
     return WrittenMoves(
@@ -155,10 +185,6 @@ def written_moves(
         moves.feed[kept],
         moves.source[kept],
     )
-
-
-def _on_grid(values: FloatArray, decimals: int) -> FloatArray:
-    return np.asarray(np.round(values, decimals) + 0.0)  # + 0.0: no negative zero
 
 
 def _planned(toolpath: Toolpath, start: FloatArray | None) -> _Planned:
@@ -274,7 +300,7 @@ def _subdivide(moves: _Planned, counts: IntArray) -> _Planned:
     )
 
 
-def _settle(moves: _Planned, arcs: Arcs, decimals: int, tolerance: float) -> _Planned:
+def _settle(moves: _Planned, arcs: Arcs, grid: Grid, tolerance: float) -> _Planned:
     """Choose the written centres of the arcs that still lack one; failures stay unsettled."""
     result = moves
     for extra in (0, 1) if arcs.extra_decimal else (0,):
@@ -282,7 +308,7 @@ def _settle(moves: _Planned, arcs: Arcs, decimals: int, tolerance: float) -> _Pl
         if not len(open_index):
             break
         part = result.take(open_index)
-        centre, radius, accepted = _fit_centres(part, arcs, decimals, decimals + extra, tolerance)
+        centre, radius, accepted = _fit_centres(part, arcs, grid, grid.finer(extra), tolerance)
         chosen = open_index[accepted]
         written_centre, written_radius = result.written_centre.copy(), result.written_radius.copy()
         fine, settled = result.fine.copy(), result.settled.copy()
@@ -299,10 +325,10 @@ def _settle(moves: _Planned, arcs: Arcs, decimals: int, tolerance: float) -> _Pl
 
 
 def _fit_centres(
-    moves: _Planned, arcs: Arcs, decimals: int, arc_decimals: int, tolerance: float
+    moves: _Planned, arcs: Arcs, grid: Grid, arc_grid: Grid, tolerance: float
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Best written centre (and R) of each arc, and whether it is good enough."""
-    begin, end = _on_grid(moves.begin[:, :2], decimals), _on_grid(moves.end[:, :2], decimals)
+    begin, end = grid.nearest(moves.begin[:, :2]), grid.nearest(moves.end[:, :2])
     chord = end - begin
     chord_length = np.hypot(*chord.T)
     direction = chord / np.where(chord_length > 0, chord_length, 1.0)[:, None]
@@ -310,9 +336,9 @@ def _fit_centres(
     along = np.sum((moves.centre - (begin + end) / 2) * direction, axis=1)
     ideal = moves.centre - along[:, None] * direction
     if arcs.form == "r":
-        candidates, radii = _radius_candidates(moves, begin, end, ideal, arc_decimals)
+        candidates, radii = _radius_candidates(moves, begin, end, ideal, arc_grid)
     else:
-        candidates, radii = _centre_candidates(ideal, arc_decimals)
+        candidates, radii = _centre_candidates(ideal, arc_grid)
     mismatch, deviation, turn = _measure(moves, begin, end, candidates)
     best = np.argmin(mismatch + deviation, axis=0)
     row = np.arange(len(best))
@@ -325,27 +351,26 @@ def _fit_centres(
         & (mismatch <= min(arcs.radius_mismatch, _PLANNED_MISMATCH[0]))
         & (deviation <= tolerance)
         & (np.abs(turn - moves.sweep) <= _LARGEST_TURN_CHANGE)
+        & (np.abs(turn) <= np.radians(arcs.largest_sweep) + _ROUNDING_OF_ANGLES)
         & (start_radius >= arcs.smallest_radius)
     )
     return centre, radii[best, row], accepted
 
 
-def _centre_candidates(ideal: FloatArray, decimals: int) -> tuple[FloatArray, FloatArray]:
+def _centre_candidates(ideal: FloatArray, grid: Grid) -> tuple[FloatArray, FloatArray]:
     """(4, n, 2) grid points around each ideal centre; no radii."""
-    scale = 10.0**decimals
-    corner = np.floor(ideal * scale)
+    corner = np.floor(ideal / grid.step)
     offsets = np.array(list(product((0.0, 1.0), repeat=2)))
-    candidates = _on_grid((corner + offsets[:, None, :]) / scale, decimals)
+    candidates = grid.nearest((corner + offsets[:, None, :]) * grid.step)
     return candidates, np.full(candidates.shape[:2], np.nan)
 
 
 def _radius_candidates(
-    moves: _Planned, begin: FloatArray, end: FloatArray, ideal: FloatArray, decimals: int
+    moves: _Planned, begin: FloatArray, end: FloatArray, ideal: FloatArray, grid: Grid
 ) -> tuple[FloatArray, FloatArray]:
     """(2, n, 2) centres that R rounded down and up would give, and these R with their sign."""
-    scale = 10.0**decimals
     exact = np.hypot(*(begin - ideal).T)
-    size = (np.floor(exact * scale) + np.array([[0.0], [1.0]])) / scale
+    size = (np.floor(exact / grid.step) + np.array([[0.0], [1.0]])) * grid.step
     chord = end - begin
     length = np.hypot(*chord.T)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -355,7 +380,7 @@ def _radius_candidates(
     left = np.where((moves.sweep > 0) == small, 1.0, -1.0)
     normal = np.stack([-chord[:, 1], chord[:, 0]], axis=1)
     candidates = (begin + end) / 2 + (left * to_centre)[..., None] * normal
-    return candidates, np.round(np.where(small, size, -size), decimals)
+    return candidates, grid.nearest(np.where(small, size, -size))
 
 
 def _measure(

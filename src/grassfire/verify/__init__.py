@@ -6,15 +6,27 @@ maps.
 
 from grassfire.verify.counts import MoveCounts, count_program
 from grassfire.verify.judge import verify
-from grassfire.verify.model import Fault, HeightMap, OperationResult, Target, Verification
+from grassfire.verify.model import (
+    Fault,
+    HeightMap,
+    MachineLimits,
+    OperationResult,
+    Target,
+    Verification,
+)
+from grassfire.verify.stock import mesh_file, stock_mesh, stock_png
 
 __all__ = [
     "Fault",
     "HeightMap",
+    "MachineLimits",
     "MoveCounts",
     "OperationResult",
     "Target",
     "Verification",
     "count_program",
+    "mesh_file",
+    "stock_mesh",
+    "stock_png",
     "verify",
 ]

@@ -65,6 +65,8 @@ def count_program(
     rapid: float,
     acceleration: float,
     junction_deviation: float,
+    arc_tolerance: float = 0.002,
+    path_tolerance: float | None = None,
     stock_top: float,
 ) -> dict[int, MoveCounts]:
     """Count the moves of every operation that has a target, without judging them.
@@ -73,8 +75,8 @@ def count_program(
     ----------
     program : Program
     targets : sequence of Target
-    rapid, acceleration, junction_deviation : float
-        mm/min, mm/s2, mm: for the time.
+    rapid, acceleration, junction_deviation, arc_tolerance, path_tolerance : float
+        mm/min, mm/s2, mm: for the time, see `move_times`.
     stock_top : float
         z, mm.
 
@@ -85,7 +87,12 @@ def count_program(
     """
     path = flatten_program(program, tuple(targets))
     seconds = move_times(
-        path, rapid=rapid, acceleration=acceleration, junction_deviation=junction_deviation
+        path,
+        rapid=rapid,
+        acceleration=acceleration,
+        junction_deviation=junction_deviation,
+        arc_tolerance=arc_tolerance,
+        path_tolerance=path_tolerance,
     )
     operations = sorted({target.operation for target in targets})
     return {index: count_moves(path, seconds, index, stock_top) for index in operations}

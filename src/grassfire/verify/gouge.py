@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 _PAIRS = 400_000
 """Pairs of path piece and wall edge that are measured at once."""
 
+_REFINED = 64
+"""Stretches outside the walls that are measured closely at a time."""
+
 _RADIUS_STEP = 2e-4
 """An arc whose radii differ is measured as circles whose radii differ by no more, mm."""
 
@@ -155,29 +158,50 @@ class Walls:
         return result
 
     def _deepest(self, path: Path, stretch: Stretch, rows: IntArray) -> FloatArray:
-        """Return the least signed distance of stretches that leave the region, by sampling.
+        """Return the least signed distance of stretches that leave the region, 0 at most.
+
+        A program that is wrong all over has a great many. Those that may hold the least of all, and
+        the first of each operation, are measured; the others get the lesser of their ends.
+        """
+        ends = np.minimum(
+            self._distance_at(path, stretch, rows, np.zeros(len(rows))),
+            self._distance_at(path, stretch, rows, np.ones(len(rows))),
+        )
+        result = np.minimum(ends, 0.0)
+        span = path.planar[stretch.move[rows]] * (stretch.until[rows] - stretch.since[rows])
+        # The distance changes no faster than the place.
+        bound = ends - span / 2
+        _, first = np.unique(path.operation[stretch.move[rows]], return_index=True)
+        order = np.argsort(bound, kind="stable")
+        order = np.concatenate([first, order[~np.isin(order, first)]])
+        done = 0
+        while done < len(order):
+            batch = order[done : done + _REFINED]
+            if done and not np.any(bound[batch] < result.min()):
+                break
+            result[batch] = np.minimum(self._refined(path, stretch, rows[batch]), 0.0)
+            done += _REFINED
+        return result
+
+    def _refined(self, path: Path, stretch: Stretch, rows: IntArray) -> FloatArray:
+        """Return the least signed distance of stretches by sampling.
 
         At most 100 samples find the place, 32 around the least one refine it: with slope at most 1
         the error is below a three-thousandth of the part's length.
         """
         span = path.planar[stretch.move[rows]] * (stretch.until[rows] - stretch.since[rows])
-        count = np.clip(np.ceil(span / 0.1), 1, 100).astype(np.int64)
-        result = np.full(len(rows), np.inf)
-        for begin in range(0, len(rows), 2048):
-            part = slice(begin, begin + 2048)
-            own, number = rows[part], count[part]
-            owner, step = spread(number + 1)
-            found = self._distance_at(path, stretch, own[owner], step / number[owner])
-            least = np.full(len(own), np.inf)
-            np.minimum.at(least, owner, found)
-            order = np.flatnonzero(found == least[owner])
-            best = np.zeros(len(own))
-            best[owner[order]] = (step / number[owner])[order]
-            around = np.linspace(-1, 1, 33)[None, :] / number[:, None]
-            around = (best[:, None] + around).clip(0, 1)
-            finer = self._distance_at(path, stretch, np.repeat(own, 33), around.ravel())
-            result[part] = np.minimum(least, finer.reshape(-1, 33).min(axis=1))
-        return result
+        number = np.clip(np.ceil(span / 0.1), 1, 100).astype(np.int64)
+        owner, step = spread(number + 1)
+        found = self._distance_at(path, stretch, rows[owner], step / number[owner])
+        least = np.full(len(rows), np.inf)
+        np.minimum.at(least, owner, found)
+        order = np.flatnonzero(found == least[owner])
+        best = np.zeros(len(rows))
+        best[owner[order]] = (step / number[owner])[order]
+        around = np.linspace(-1, 1, 33)[None, :] / number[:, None]
+        around = (best[:, None] + around).clip(0, 1)
+        finer = self._distance_at(path, stretch, np.repeat(rows, 33), around.ravel())
+        return np.asarray(np.minimum(least, finer.reshape(-1, 33).min(axis=1)))
 
     def _distance_at(
         self, path: Path, stretch: Stretch, rows: IntArray, part: FloatArray

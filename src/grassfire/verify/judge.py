@@ -10,6 +10,7 @@ import numpy as np
 
 from grassfire.errors import InputError
 from grassfire.toolpath import Program
+from grassfire.verify.body import check_bodies, find_bodies
 from grassfire.verify.checks import (
     Place,
     check_floor,
@@ -20,20 +21,25 @@ from grassfire.verify.checks import (
 )
 from grassfire.verify.clock import move_times
 from grassfire.verify.counts import count_moves
+from grassfire.verify.limits import check_limits
 from grassfire.verify.model import (
     Fault,
     FloatArray,
     HeightMap,
+    MachineLimits,
     OperationResult,
     Target,
     Verification,
 )
-from grassfire.verify.path import BoolArray, Path, assign, flatten_program
+from grassfire.verify.path import BoolArray, IntArray, Path, assign, flatten_program
 from grassfire.verify.raster import Grid, cells_inside, choose_grid
 from grassfire.verify.removal import Removal, Sweep, SweepSettings, level_thickness
 
 _QUADRANT_SEGMENTS = 64
 """Chords in a quarter turn of the reachable region's rounded corners."""
+
+_SLIVER = 0.5
+"""Stock thicker than the stepdown may be met over so much area in an operation, mm2."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +58,11 @@ def verify(
     rapid: float,
     acceleration: float,
     junction_deviation: float = 0.01,
+    arc_tolerance: float = 0.002,
+    path_tolerance: float | None = None,
+    limits: MachineLimits = MachineLimits(),  # noqa: B008  (frozen)
     gouge_tolerance: float = 0.005,
-    floor_tolerance: float = 0.001,
+    floor_tolerance: float = 0.0015,
     fitting_tolerance: float = 0.002,
     height_tolerance: float = 0.02,
     uncut_height: float = 0.02,
@@ -63,7 +72,7 @@ def verify(
     engagement_thickness: float | None = None,
     engagement_tolerance: float = 6.0,
     resolution: float | None = None,
-    max_cells: int = 4_000_000,
+    max_cells: int = 16_000_000,
     stock_top: float | None = None,
 ) -> Verification:
     """Machine a program that was read back from its text, and judge it.
@@ -77,12 +86,14 @@ def verify(
     program : Program
     targets : sequence of Target
         At least one for each operation of the program.
-    rapid, acceleration, junction_deviation : float
-        mm/min, mm/s2, mm: for the time.
+    rapid, acceleration, junction_deviation, arc_tolerance, path_tolerance : float
+        mm/min, mm/s2, mm: for the time, see `move_times`.
+    limits : MachineLimits
+        Travel and height of rapids.
     gouge_tolerance : float
         How far the tool may reach beyond a wall, mm.
     floor_tolerance : float
-        How far below the floor, mm.
+        How far below the floor, mm; by default what rounding to four decimals of an inch takes.
     fitting_tolerance : float
         How far curves were allowed to deviate when they were fitted, mm: added to the gouge
         tolerance where a radial allowance is cut into, and not demanded of the reachable area.
@@ -100,7 +111,8 @@ def verify(
     engagement_tolerance : float
         By how much a target's engagement limit may be exceeded, degrees.
     resolution : float, optional
-        Cell size, mm; by default a fortieth of the smallest tool's radius.
+        Cell size, mm; by default a fortieth of the smallest tool's radius, up to a twenty-fourth on
+        large pockets.
     max_cells : int
         The cell is enlarged where the map would have more.
     stock_top : float, optional
@@ -124,6 +136,7 @@ def verify(
     per_move = _PerMove(path, wanted, served)
 
     faults = check_moves(path, top, per_move.max_feed)
+    faults += check_limits(path, limits, top)
     faults += check_sections(program, path, served, wanted, top)
     faults += check_floor(path, per_move.floor, per_move.axial_allowance, floor_tolerance)
     gouge, found = check_walls(
@@ -140,6 +153,7 @@ def verify(
     descent = path.begin[:, 2] - path.end[:, 2]
     steep = ~path.rapid & (np.arctan2(descent, path.planar) > max_ramp_angle)
     thickness = _thickness(path, wanted, per_move.stepdown, top, engagement_thickness)
+    bodies = find_bodies(path, served, top)
     sweep = Sweep(
         path,
         wanted,
@@ -148,20 +162,26 @@ def verify(
         flagged=path.rapid | steep,
         thickness=np.maximum(thickness, height_tolerance),
         stepdown=per_move.stepdown,
+        bodies=bodies,
     )
     reach = [_reach_of(item, grid, fitting_tolerance) for item in wanted]
     removal = sweep.run([item.demanded for item in reach])
     rapid_hit, found = _check_descents(path, removal, steep & ~per_move.may_plunge, top, grid)
     faults += found
-    limits = per_move.engagement_limit + engagement_tolerance
-    faults += _check_load(path, removal, limits)
+    faults += check_bodies(path, bodies, removal.hits, wanted, per_move.radial_allowance, top)
+    faults += _check_load(path, removal, per_move.engagement_limit + engagement_tolerance)
     uncut, found = _check_uncut(
         path, wanted, reach, removal, grid, fraction=uncut_fraction, patch=uncut_patch
     )
     faults += found
 
     seconds = move_times(
-        path, rapid=rapid, acceleration=acceleration, junction_deviation=junction_deviation
+        path,
+        rapid=rapid,
+        acceleration=acceleration,
+        junction_deviation=junction_deviation,
+        arc_tolerance=arc_tolerance,
+        path_tolerance=path_tolerance,
     )
     operations = tuple(
         _figures(operation, path, wanted, reach, uncut, gouge, rapid_hit, removal, seconds, top)
@@ -195,7 +215,8 @@ class _PerMove:
         self.floor = spread_over([min(i.floor for i in same(t)) for t in served])
         self.axial_allowance = spread_over([t.axial_allowance for t in served])
         self.radial_allowance = spread_over([t.radial_allowance for t in served])
-        self.stepdown = spread_over([limit(t.stepdown) for t in served])
+        # What is thicker than the flutes are long meets the shank.
+        self.stepdown = spread_over([min(limit(t.stepdown), limit(t.flute_length)) for t in served])
         self.engagement_limit = spread_over([limit(t.engagement_limit) for t in served])
         self.max_feed = spread_over([limit(t.max_feed) for t in served])
         self.may_plunge = spread_over([float(t.entry == "plunge") for t in served]) > 0
@@ -272,7 +293,7 @@ def _check_descents(
         depth[moves],
         lambda size: f"a rapid runs through stock, down to {size:.3f} mm below its top",
     )
-    through = plunging & (removal.removed > 0.02 * squared + noise)
+    through = plunging & (removal.removed > np.maximum(0.02 * squared, 0.05) + noise)
     moves = np.flatnonzero(through)
     fall = np.minimum(path.begin[:, 2], top) - path.end[:, 2]
     faults += report_moves(
@@ -303,6 +324,8 @@ def _check_load(path: Path, removal: Removal, limits: FloatArray) -> list[Fault]
         ),
     ):
         rows = np.flatnonzero(angle > limit)
+        if kind == "stepdown":
+            rows = _of_some_area(path, removal, rows)
         points = samples.point[rows]
 
         def place_of(index: int, points: FloatArray = points) -> Place:
@@ -312,6 +335,19 @@ def _check_load(path: Path, removal: Removal, limits: FloatArray) -> list[Fault]
         moves = samples.move[rows]
         faults += report_moves(kind, path, moves, angle[rows], describe.format, place_of)
     return faults
+
+
+def _of_some_area(path: Path, removal: Removal, rows: IntArray) -> IntArray:
+    """Return the overloaded samples of operations whose overload takes more than a sliver.
+
+    Over a way s, an engagement of angle e takes s R (1 - cos e).
+    """
+    samples = removal.samples
+    move, angle = samples.move[rows], np.radians(removal.overload[rows])
+    area = samples.weight[rows] * path.tool_radius[move] * (1 - np.cos(angle))
+    operation, index = np.unique(path.operation[move], return_inverse=True)
+    total = np.bincount(index, weights=area, minlength=len(operation))
+    return np.asarray(rows[total[index] > _SLIVER])
 
 
 def _check_uncut(

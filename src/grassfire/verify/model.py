@@ -45,6 +45,14 @@ class Target:
         Largest feed of a move below the stock's top, mm/min; not judged when None.
     tool_number : int, optional
         The tool that the program has to have loaded; not judged when None.
+    flute_length : float, optional
+        From the tip to the shank, mm; the shank is not judged when None.
+    shank_radius : float, optional
+        mm; as the cutter when None.
+    stickout : float, optional
+        From the tip to the holder, mm; the holder is not judged when None.
+    holder_radius : float, optional
+        mm; has to be given with `stickout`.
     """
 
     operation: int
@@ -59,6 +67,10 @@ class Target:
     engagement_limit: float | None = None
     max_feed: float | None = None
     tool_number: int | None = None
+    flute_length: float | None = None
+    shank_radius: float | None = None
+    stickout: float | None = None
+    holder_radius: float | None = None
 
     def __post_init__(self) -> None:
         place = f"target of operation {self.operation}"
@@ -68,11 +80,48 @@ class Target:
             raise InputError(f"tool radius {self.tool_radius:g} mm is not positive", place=place)
         if self.region.is_empty:
             raise InputError("the region is empty", place=place)
+        for name in ("flute_length", "shank_radius", "stickout", "holder_radius"):
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise InputError(f"{name} {value:g} mm is not positive", place=place)
+        if (self.stickout is None) != (self.holder_radius is None):
+            raise InputError("stickout and holder_radius go together", place=place)
 
     @property
     def floor(self) -> float:
         """z of the drawn floor, mm."""
         return self.stock_top - self.depth
+
+    def body(self, kind: str) -> tuple[float | None, float | None]:
+        """Return (height above the tip, radius) of the "shank" or the "holder", mm."""
+        if kind == "holder":
+            return self.stickout, self.holder_radius
+        radius = self.tool_radius if self.shank_radius is None else self.shank_radius
+        return self.flute_length, radius
+
+
+@dataclass(frozen=True)
+class MachineLimits:
+    """What the machine allows; nothing is judged that is None.
+
+    Attributes
+    ----------
+    travel : three pairs of float, optional
+        Least and greatest x, y and z in the coordinates of the program, mm.
+    rapid_height : float, optional
+        Height above the stock's top below which rapids do not travel sideways, mm.
+    """
+
+    travel: tuple[tuple[float, float], ...] | None = None
+    rapid_height: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.travel is not None and (
+            len(self.travel) != 3 or any(not low < high for low, high in self.travel)
+        ):
+            raise InputError(
+                f"travel {self.travel} is not three pairs of a lower and a higher coordinate"
+            )
 
 
 @dataclass(frozen=True)
@@ -84,7 +133,8 @@ class Fault:
     kind : str
         Stable name: "gouge", "allowance", "floor", "axial-allowance", "uncut", "rapid-in-stock",
         "rapid-low", "plunge", "stepdown", "engagement", "unknown-start", "spindle-off",
-        "no-feed", "feed", "wrong-tool", "nothing-cut", "arc-radius", "ends-in-stock".
+        "no-feed", "feed", "wrong-tool", "nothing-cut", "arc-radius", "ends-in-stock", "travel",
+        "rapid-height", "shank", "holder".
     line : int
         Line of the program text, from 1; 0 where no line is to blame.
     place : tuple of float

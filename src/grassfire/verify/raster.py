@@ -15,6 +15,13 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 
+_FINE, _COARSE = 40, 24
+"""Cells in the smallest tool's radius, on small pockets and on large ones."""
+
+_FINE_CELLS = 2_000_000
+"""Cells up to which a map is fine."""
+
+
 @dataclass(frozen=True)
 class Grid:
     """Square cells: centre of cell (row, column) at (x0 + (column + 1/2) c, y0 + (row + 1/2) c)."""
@@ -40,13 +47,18 @@ def choose_grid(
 ) -> Grid:
     """Return a grid over `bounds` with a margin that any tool touching the regions stays within.
 
-    The cell is a fortieth of the smallest tool's radius unless `resolution` (mm) is given, and
-    larger where the map would exceed `max_cells`.
+    Unless `resolution` (mm) is given, the cell is a fortieth of the smallest tool's radius on small
+    pockets and grows to a twenty-fourth where the map would have over 2 million cells. It is
+    larger still where it would exceed `max_cells`.
     """
     pad = 2 * largest_radius + 1.0
     width = bounds[2] - bounds[0] + 2 * pad
     height = bounds[3] - bounds[1] + 2 * pad
-    cell = resolution if resolution is not None else smallest_radius / 40
+    if resolution is None:
+        even = math.sqrt(width * height / _FINE_CELLS)
+        cell = min(max(smallest_radius / _FINE, even), smallest_radius / _COARSE)
+    else:
+        cell = resolution
     cell = max(cell, math.sqrt(width * height / max_cells))
     return Grid(
         x0=bounds[0] - pad,

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from grassfire.verify.model import FloatArray, Target
 from grassfire.verify.path import BoolArray, IntArray, Path, spread
 from grassfire.verify.raster import Grid, cells_inside
-from grassfire.verify.sweep import Pieces, build_pieces, expand, lower, removed_cells
+from grassfire.verify.sweep import Pieces, build_pieces, expand, joined, lower, removed_cells
 
 _EDGE = 1e-6
 """Depth below the stock's top at which cutting begins, mm."""
@@ -41,12 +41,24 @@ class Samples:
 
 
 @dataclass(frozen=True)
+class Body:
+    """A shank or holder: the moves on which it comes below the stock's top, radius and height
+    above the tip in mm."""
+
+    kind: str
+    moves: IntArray
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True)
 class Removal:
     """What the sweep found.
 
     `engagement`, `overload` (degrees of rim that meet stock thicker than the stepdown) are per
     sample; `removed` mm2 that each flagged move (rapid or steep descent) cut first; `left` cells
-    above each target's floor, `demanded` cells that each target's tool can reach.
+    above each target's floor; `hits` (one (n,) array for each body) mm2 of standing stock that each
+    move runs a shank or holder into.
     """
 
     samples: Samples
@@ -56,6 +68,7 @@ class Removal:
     left: tuple[BoolArray, ...]
     height: FloatArray
     pieces: Pieces
+    hits: tuple[FloatArray, ...]
 
 
 def sample_moves(path: Path, top: float, spacing: float, cell: float) -> Samples:
@@ -181,8 +194,9 @@ class Sweep:
         flagged: BoolArray,
         thickness: FloatArray,
         stepdown: FloatArray,
+        bodies: Sequence[Body] = (),
     ) -> None:
-        """Prepare; `flagged`, `thickness` and `stepdown` are per move, see `machine`."""
+        """Prepare; `flagged`, `thickness` and `stepdown` are per move."""
         self.path, self.targets, self.grid, self.settings = path, targets, grid, settings
         top, skin = settings.top, settings.height_tolerance
         self.flagged = np.flatnonzero(flagged & path.known & (path.low < top - _EDGE))
@@ -196,6 +210,7 @@ class Sweep:
                 path.low[self.flagged] + skin,
                 path.low[level] + thickness[level],
                 (path.low[level] + stepdown[level] + skin)[np.isfinite(stepdown[level])],
+                *(path.low[item.moves] + item.length + skin for item in bodies),
             ],
             floors,
             top,
@@ -206,6 +221,8 @@ class Sweep:
         self.overload_band = np.where(above < self.thresholds[-1], self._band(above), -1)
         self.flag_band = self._band(path.low[self.flagged] + skin)
         self.floor_band = self._band(floors)
+        self.bodies = tuple(bodies)
+        self.body_band = [self._band(path.low[i.moves] + i.length + skin) for i in bodies]
         self.pieces = build_pieces(
             path,
             self.thresholds,
@@ -240,6 +257,7 @@ class Sweep:
         engagement = np.zeros(len(self.samples.move))
         overload = np.zeros(len(self.samples.move))
         removed = np.zeros(len(path))
+        hits = [np.zeros(len(path)) for _ in self.bodies]
         left: list[BoolArray] = [np.zeros(0, dtype=bool)] * len(self.targets)
         for band, threshold in enumerate(self.thresholds):
             while pending and (band == 0 or pending[0][0] <= threshold):
@@ -258,11 +276,19 @@ class Sweep:
                 standing[fresh] = False
             self._look(band, first_cut, engagement, overload)
             self._count_removed(band, first_cut, removed)
+            self._count_hits(band, first_cut, hits)
             for index in np.flatnonzero(self.floor_band == band).tolist():
                 left[index] = demanded[index] & ~np.isfinite(first_cut)
         removed *= grid.cell**2
         return Removal(
-            self.samples, engagement, overload, removed, tuple(left), height, self.pieces
+            self.samples,
+            engagement,
+            overload,
+            removed,
+            tuple(left),
+            height,
+            self.pieces,
+            tuple(item * grid.cell**2 for item in hits),
         )
 
     def _lower_height(
@@ -314,3 +340,36 @@ class Sweep:
         rows = np.flatnonzero(due[self.pieces.move] & (self.pieces.band <= band))
         if len(rows):
             removed += removed_cells(first_cut, self.pieces.take(rows), self.path, self.grid)
+
+    def _count_hits(self, band: int, first_cut: FloatArray, hits: list[FloatArray]) -> None:
+        """Add the cells whose stock reaches above a body's lower end when the body comes.
+
+        The body counts as smaller by a cell, so that rounding to cells is not taken for contact.
+        """
+        for body, own, result in zip(self.bodies, self.body_band, hits, strict=True):
+            moves = body.moves[own == band]
+            radius = body.radius - self.grid.cell
+            if not len(moves) or radius <= self.path.tool_radius[moves].max():
+                continue
+            due = np.zeros(len(self.path), dtype=bool)
+            due[moves] = True
+            pieces = self._lowest_pieces(due, radius)
+            # Straight down, the body comes when the move ends.
+            down = self.path.planar[pieces.move] < 1e-9
+            for cells, time, owner in expand(pieces, self.grid):
+                when = np.where(down[owner], pieces.until[owner], time)
+                standing = first_cut[cells] > when + self.grid.cell
+                result += np.bincount(pieces.move[owner[standing]], minlength=len(self.path))
+
+    def _lowest_pieces(self, due: BoolArray, radius: float) -> Pieces:
+        """Return the lowest pieces of the moves that are due, of another radius.
+
+        Each move begins with the whole disk and goes on with crescents.
+        """
+        pieces = self.pieces.take(np.flatnonzero(due[self.pieces.move]))
+        lowest = np.full(len(self.path), np.iinfo(np.int64).max)
+        np.minimum.at(lowest, pieces.move, pieces.band)
+        pieces = pieces.take(np.flatnonzero(pieces.band == lowest[pieces.move]))
+        pieces = joined(replace(pieces, radius=np.full(len(pieces), radius)))
+        begins = np.append(True, pieces.move[1:] != pieces.move[:-1])[: len(pieces)]
+        return replace(pieces, fresh=pieces.fresh | begins)

@@ -1,17 +1,17 @@
 """First-cut-time maps: when the tool first covers each cell, per height.
 
 The moves are broken into pieces: straight chords (of arcs: within a tenth of a cell) that lie in
-one band between two thresholds of height. At threshold h the time at which a cell is first cut to h
-or below is the minimum over all pieces in bands up to h, so that going upwards one running minimum
-serves all thresholds and every piece is expanded into cells once. A piece that continues the one
-before it adds only the crescent in front of the disk where it starts, row by row; inside it the
-time of first contact has a closed form.
+one band between two thresholds of height; runs of short level ones are swept as one chord. At
+threshold h the time at which a cell is first cut to h or below is the minimum over all pieces in
+bands up to h, so that going upwards one running minimum serves all thresholds and every piece is
+expanded into cells once. A piece that continues the one before it adds only the crescent in front
+of the disk where it starts, row by row; inside it the time of first contact has a closed form.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,7 +96,8 @@ def build_pieces(
     thresholds : (t,) array
         Ascending heights, mm; the last is the stock's top.
     chord_error : float
-        Largest distance between an arc and its chords, mm.
+        Largest distance between the path and the pieces that stand for it, mm: chords of arcs, and
+        runs of short level moves that are swept as one.
     rapid_clearance : float
         Rapids sweep a disk smaller than the tool by this much (mm), so that one that follows a
         wall just made does not count as cutting because of rounded coordinates.
@@ -118,15 +119,77 @@ def build_pieces(
     )
     middle = (point[first, 2] + point[last, 2]) / 2
     band = np.searchsorted(thresholds, middle - 1e-9).clip(0, len(thresholds) - 1)
-    radius = path.tool_radius[move] - slack
-    start, stop = point[first, :2], point[last, :2]
-    since, until = station[first], station[last]
-    fresh = np.ones(len(first), dtype=bool)
-    if len(first) > 1:
-        joined = np.abs(since[1:] - until[:-1]) < 1e-9
-        joined &= np.abs(start[1:] - stop[:-1]).max(axis=1) < 1e-9
-        fresh[1:] = ~(joined & (radius[:-1] >= radius[1:]) & (band[:-1] <= band[1:]))
-    return Pieces(move, start, stop, since, until, radius, band, fresh)
+    single = Pieces(
+        move=move,
+        start=point[first, :2],
+        stop=point[last, :2],
+        since=station[first],
+        until=station[last],
+        radius=path.tool_radius[move] - slack,
+        band=band,
+        fresh=np.ones(len(first), dtype=bool),
+    )
+    level = ~path.rapid[move] & (np.abs(point[first, 2] - point[last, 2]) < 1e-9)
+    turn = np.abs(path.sweep[move]) * (fraction[last] - fraction[first])
+    sagitta = np.maximum(path.start_radius, path.end_radius)[move] * (1 - np.cos(turn / 2))
+    group = np.where(level, np.round(middle, 9), np.nan)
+    return joined(_merged(single, group, sagitta, chord_error))
+
+
+def joined(pieces: Pieces) -> Pieces:
+    """Return the pieces with `fresh` off where the disk at the start has been swept already."""
+    fresh = np.ones(len(pieces), dtype=bool)
+    if len(pieces) > 1:
+        follows = np.abs(pieces.since[1:] - pieces.until[:-1]) < 1e-9
+        follows &= np.abs(pieces.start[1:] - pieces.stop[:-1]).max(axis=1) < 1e-9
+        follows &= pieces.radius[:-1] >= pieces.radius[1:]
+        fresh[1:] = ~(follows & (pieces.band[:-1] <= pieces.band[1:]))
+    return replace(pieces, fresh=fresh)
+
+
+def _merged(pieces: Pieces, group: FloatArray, error: FloatArray, tolerance: float) -> Pieces:
+    """Return pieces that stand for runs of short ones, within `tolerance` mm of the path.
+
+    Neighbours merge in pairs, again and again. With the joint a distance h from the new chord and
+    the two chords within e and f of the path, the new chord is within max(e, f) + h of it.
+
+    Parameters
+    ----------
+    pieces : Pieces
+    group : (k,) array
+        Only pieces with equal values merge, those with NaN never (height of level feed moves).
+    error : (k,) array
+        Distance of each piece from the path, mm.
+    tolerance : float
+    """
+    idle = 0
+    parity = 0
+    while idle < 2 and len(pieces) > 1:
+        left = np.arange(parity, len(pieces) - 1, 2)
+        right = left + 1
+        middle, chord = pieces.stop[left], pieces.stop[right] - pieces.start[left]
+        squared = np.sum(chord**2, axis=1)
+        some = np.where(squared > 0, squared, 1.0)
+        way = middle - pieces.start[left]
+        part = np.sum(way * chord, axis=1) / some
+        height = np.abs(way[:, 0] * chord[:, 1] - way[:, 1] * chord[:, 0]) / np.sqrt(some)
+        total = np.maximum(error[left], error[right]) + height
+        good = (squared > 0) & (part >= 0) & (part <= 1) & (total <= tolerance)
+        good &= (group[left] == group[right]) & (pieces.radius[left] == pieces.radius[right])
+        good &= pieces.band[left] == pieces.band[right]
+        good &= np.abs(pieces.since[right] - pieces.until[left]) < 1e-9
+        good &= np.abs(pieces.start[right] - middle).max(axis=1) < 1e-9
+        idle = 0 if good.any() else idle + 1
+        parity = 1 - parity
+        stop, until, error = pieces.stop.copy(), pieces.until.copy(), error.copy()
+        stop[left[good]], until[left[good]] = stop[right[good]], until[right[good]]
+        error[left[good]] = total[good]
+        keep = np.ones(len(pieces), dtype=bool)
+        keep[right[good]] = False
+        rows = np.flatnonzero(keep)
+        pieces = replace(pieces, stop=stop, until=until).take(rows)
+        group, error = group[rows], error[rows]
+    return pieces
 
 
 def _chunks(pieces: Pieces, cell: float) -> Iterator[slice]:

@@ -1,0 +1,251 @@
+"""Clearing at bounded engagement: cuts of constant engagement along the edge of the stock.
+
+The cleared area is a union of tool disks; where its edge meets stock it is a *front*. A cut follows
+one front at the engagement limit (`pursuit`), or along the wall where that takes less
+(`tracing`), and leaves a new front. The opening cut spirals outwards from the helix until the wall
+breaks its front; what is left are fronts from wall to wall, each cut again and again in the same
+sense until no stock is ahead of it, with return moves through cleared area between. Islands
+divide fronts; behind them fronts meet and eat up what is left between them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from grassfire.errors import PlanningError
+from grassfire.medial import MedialAxis
+from grassfire.plan import entry
+from grassfire.plan.fronts import (
+    GRAZE,
+    SHORTEST,
+    WALL_SKIN,
+    Disks,
+    densified,
+    joined,
+    length,
+    runs,
+    swept_edge,
+)
+from grassfire.plan.link import straight
+from grassfire.plan.path import BoolArray, Path
+from grassfire.plan.pursuit import unit
+from grassfire.plan.returns import Returns
+from grassfire.plan.rings import Component, components
+from grassfire.plan.strategy import ClearingSettings, PocketPlan
+from grassfire.plan.strokes import Stroke, StrokeKind
+from grassfire.plan.tracing import FIRST_BITE, SAMPLING, Piece, Start, Tracer, start_of
+from grassfire.plan.wallpass import wall_pass
+from grassfire.plan.walls import Walls
+from grassfire.report import Finding, Severity
+from grassfire.toolpath import FloatArray, Role
+
+CUT_FIT = 1.5e-3
+"""How far cuts may lie from the exact way, mm; also towards the wall."""
+
+LEAST_HELIX = 0.1
+"""Smallest helix as a part of the tool radius; places without room for it are slots."""
+
+LIGHT = 0.28
+"""Part of a pass that the flat lap at the foot of the helix may take in depth."""
+
+LINK_TRIES = 3
+"""Fronts that are tried before the tool is retracted."""
+
+
+def adaptive_pockets(
+    axis: MedialAxis, settings: ClearingSettings
+) -> tuple[list[PocketPlan], list[Finding]]:
+    """All pockets of a region, to be cleared at bounded engagement; and what was noticed."""
+    parts = components(
+        axis,
+        np.array([settings.wall]),
+        settings.stepover,
+        settings.tool_radius,
+        settings.tolerance,
+        climb=True,
+    )
+    pockets: list[PocketPlan] = []
+    findings: list[Finding] = []
+    for part in parts:
+        if part.peak_radius - settings.wall >= LEAST_HELIX * settings.tool_radius:
+            pockets.append(AdaptivePocket(axis, part, settings))
+        else:
+            findings.append(_slot(part))
+    return pockets, findings
+
+
+def _slot(part: Component) -> Finding:
+    return Finding(
+        Severity.WARNING,
+        "slot-left",
+        "a place hardly wider than the tool can only be cut in full width and is left; strategy "
+        "offset or a smaller tool machines it",
+        place=(float(part.peak[0]), float(part.peak[1])),
+        size=2 * part.peak_radius,
+    )
+
+
+class AdaptivePocket:
+    """Strokes of one pocket, the same for every depth, and those that finish it.
+
+    Parameters
+    ----------
+    axis : MedialAxis
+    part : Component
+        At the wall level.
+    settings : ClearingSettings
+
+    Attributes
+    ----------
+    peak : (2,) float array
+    strokes, finish : list of Stroke
+    """
+
+    def __init__(self, axis: MedialAxis, part: Component, settings: ClearingSettings) -> None:
+        self._axis = axis
+        self._part = part
+        self._settings = settings
+        self._radius = settings.tool_radius
+        self._step = SAMPLING * self._radius
+        self._walls = Walls(axis, part.rings, self._step, reflect=not settings.climb)
+        self._tracer = Tracer(self._walls, settings.wall, self._radius, settings.engagement)
+        self._returns = Returns(axis, self._walls, settings.wall, self._radius)
+        self._cleared = Disks()
+        self._fronts: list[FloatArray] = []
+        self._starts: dict[int, tuple[FloatArray, Start]] = {}
+        self.peak = part.peak
+        self.strokes: list[Stroke] = []
+        self.finish: list[Stroke] = []
+
+    def plan(self, position: FloatArray) -> FloatArray:
+        """Lay out all strokes; returns where the last one ends, mm."""
+        place, heading = self._enter()
+        while self._fronts:
+            place, heading = self._next(place, heading)
+        settings = self._settings
+        rings = [ring if settings.climb else ring.reversed() for ring in self._part.rings]
+        last = wall_pass(self._axis, rings, settings, self._walls.frame(place[None])[0])
+        (self.finish if settings.finish else self.strokes).extend(last)
+        return np.asarray(last[-1].path.end)
+
+    def _enter(self) -> tuple[FloatArray, float]:
+        """Helix in the largest disk, then the opening spiral; returns place and heading."""
+        centre = self._walls.frame(self.peak[None])[0]
+        room = self._part.peak_radius - self._settings.wall
+        helix = min(self._helix_radius(), room)
+        angle = np.linspace(0.0, 2 * np.pi, int(2 * np.pi * (helix + self._radius) / self._step))
+        front = centre + (helix + self._radius) * unit(angle)
+        pieces = self._tracer.spiral(front)
+        outwards = front[0] - self._radius * unit(FIRST_BITE[0]) - centre
+        start = centre + helix * outwards / np.hypot(*outwards)
+        way = entry.helix(centre, start, self._settings.drop, self._settings.slope, 1)
+        self._stroke(StrokeKind.DESCEND, way.down, Role.ENTRY)
+        self._stroke(StrokeKind.FEED, way.flat, Role.ENTRY)
+        self._cleared.add(centre + helix * unit(angle[:-1]))
+        if not pieces:
+            raise PlanningError(
+                "no cut fits round the helix",
+                place=(float(self.peak[0]), float(self.peak[1])),
+                remedy="take a smaller tool or strategy offset",
+            )
+        return self._take(pieces, [front], start)
+
+    def _helix_radius(self) -> float:
+        """Largest that leaves no core and whose turns sink so little that the last lap is light."""
+        sink = LIGHT * self._settings.step
+        gentle = sink / (2 * np.pi * np.tan(self._settings.slope))
+        return float(np.clip(gentle, 0.4 * self._radius, entry.NO_CORE * self._radius))
+
+    def _next(self, place: FloatArray, heading: float) -> tuple[FloatArray, float]:
+        """Cut along the front that is best reached; returns place and heading at its end."""
+        starts = [self._start(front) for front in self._fronts]
+        gaps = [float(np.hypot(*(start.point - place))) for start in starts]
+        index, link = self._best(place, heading, starts, gaps)
+        front, start = self._fronts[index], starts[index]
+        pieces = self._tracer.cut(front, start)
+        if sum(len(piece.points) for piece in pieces) < 2:
+            # nothing to cut that a sample tells from nothing: the wall pass takes it
+            self._fronts.pop(index)
+            return place, heading
+        if link is not None:
+            self._stroke(StrokeKind.FEED, link, Role.LINK, air=True)
+            place = link.end
+        elif gaps[index] > 1e-9:
+            place = pieces[0].points[0]
+            self._stroke(StrokeKind.HOP, entry.plunge(place), Role.LINK)
+        remaining = self._fronts[:index] + self._fronts[index + 1 :]
+        return self._take(pieces, [front, *remaining], place)
+
+    def _best(
+        self, place: FloatArray, heading: float, starts: list[Start], gaps: list[float]
+    ) -> tuple[int, Path | None]:
+        """The nearest start that a way leads to, and the way; the nearest if none does."""
+        order = [int(index) for index in np.argsort(gaps, kind="stable")]
+        if gaps[order[0]] <= 1e-9:
+            return order[0], None
+        for far in (False, True):
+            for index in order[:LINK_TRIES]:
+                link = self._returns.way(place, heading, starts[index], far)
+                if link is not None:
+                    return index, link
+        return order[0], None
+
+    def _start(self, front: FloatArray) -> Start:
+        known = self._starts.get(id(front))
+        if known is None or known[0] is not front:
+            known = (front, start_of(front, self._walls, self._radius))
+            self._starts[id(front)] = known
+        return known[1]
+
+    def _stroke(self, kind: StrokeKind, path: Path, role: Role, air: bool = False) -> None:
+        self.strokes.append(Stroke(kind, self._walls.path(path), role, air))
+
+    def _take(
+        self, pieces: list[Piece], fronts: list[FloatArray], place: FloatArray
+    ) -> tuple[FloatArray, float]:
+        """Write a cut and bring cleared area and fronts up to date; the first front was cut."""
+        path = self._tracer.path(pieces, CUT_FIT)
+        way = straight(place, path.start)
+        if way is not None:
+            self._stroke(StrokeKind.FEED, way, Role.CUT)
+        self._stroke(StrokeKind.FEED, path, Role.CUT)
+        centres = np.concatenate([piece.points for piece in pieces])
+        headings = np.concatenate([piece.heading for piece in pieces])
+        free = np.concatenate([np.full(len(piece.points), piece.free) for piece in pieces])
+        swept = densified(centres, self._step)
+        tree = cKDTree(swept)
+        new = self._new_fronts(centres, float(headings[-1]), free, tree)
+        kept: list[FloatArray] = []
+        for front in fronts:
+            gone = tree.query(front, distance_upper_bound=self._radius * (1 - GRAZE / 2))[0]
+            left = np.isinf(gone)
+            kept += [front] if left.all() else runs(front, left, 4 * self._step)
+        self._cleared.add(swept)
+        kept = [
+            front
+            for front in kept + new
+            if len(front) > 2 and length(front) > SHORTEST * self._radius
+        ]
+        self._fronts = joined(kept, self._radius, self._step)
+        self._returns.update(self._fronts)
+        known = {id(front) for front in self._fronts}
+        self._starts = {key: value for key, value in self._starts.items() if key in known}
+        return centres[-1], float(headings[-1])
+
+    def _new_fronts(
+        self, centres: FloatArray, heading: float, free: BoolArray, own: cKDTree
+    ) -> list[FloatArray]:
+        """Edges of the stock that a cut leaves, the rim about its end included."""
+        edge, piece = swept_edge(centres, self._radius, self._step)
+        open_ = free[piece] | free[np.minimum(piece + 1, len(free) - 1)]
+        rim = heading + np.arange(0.0, np.pi, SAMPLING)
+        edge = np.concatenate([edge, centres[-1] + self._radius * unit(rim - np.pi / 2)])
+        open_ = np.concatenate([open_, np.ones(len(rim), dtype=bool)])
+        stock = open_ & (own.query(edge)[0] > self._radius * (1 - GRAZE))
+        rows = np.flatnonzero(stock)
+        old = self._cleared.distance(edge[rows], 1.01 * self._radius)
+        stock[rows] = old > self._radius * (1 + GRAZE)
+        rows = np.flatnonzero(stock)
+        stock[rows] = self._walls.clearance(edge[rows]) > WALL_SKIN * self._radius
+        return runs(edge, stock, 4 * self._step)

@@ -1,0 +1,154 @@
+"""What has been cleared: a union of tool disks, and its edges against the stock (the fronts)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grassfire.plan.path import BoolArray, IntArray
+from grassfire.plan.pursuit import unit, wrapped
+from grassfire.toolpath import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+GRAZE = 2e-3
+"""Disks that overlap by less than this part of the tool radius count as touching."""
+
+WALL_SKIN = 0.02
+"""Edges nearer to a wall than this part of the tool radius are left to the wall pass."""
+
+SHORTEST = 0.15
+"""Fronts shorter than this part of the tool radius are left to their neighbours."""
+
+JOIN_GAP = 0.25
+"""Fronts that end and start within this part of the tool radius are one."""
+
+JOIN_RIGHT, JOIN_LEFT = np.radians(40.0), np.radians(100.0)
+"""Sharpest turns at which fronts are joined: to the right stock juts out, to the left none does."""
+
+
+class Disks:
+    """Growing set of disk centres, for distances: trees of doubling size."""
+
+    def __init__(self) -> None:
+        self._trees: list[tuple[FloatArray, cKDTree]] = []
+
+    def add(self, centres: FloatArray) -> None:
+        """Add (m, 2) centres, mm."""
+        from scipy.spatial import cKDTree
+
+        while self._trees and len(self._trees[-1][0]) < 2 * len(centres):
+            centres = np.concatenate([self._trees.pop()[0], centres])
+        tree = cKDTree(centres, compact_nodes=False, balanced_tree=False)
+        self._trees.append((centres, tree))
+
+    def distance(self, points: FloatArray, bound: float) -> FloatArray:
+        """(n,) distance to the nearest centre, infinite beyond `bound` mm."""
+        result = np.full(len(points), np.inf)
+        for _, tree in self._trees:
+            result = np.minimum(result, tree.query(points, distance_upper_bound=bound)[0])
+        return result
+
+
+def densified(points: FloatArray, step: float) -> FloatArray:
+    """A chain of points with more between them, at most `step` mm apart."""
+    gap = np.hypot(*np.diff(points, axis=0).T)
+    owner, share = _subdivision(gap / step)
+    inner = points[owner] + (points[owner + 1] - points[owner]) * share[:, None]
+    return np.concatenate([points[:1], inner])
+
+
+def _subdivision(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Piece and end fraction of every part when each piece is cut into ceil(pieces) equal ones."""
+    count = np.maximum(1, np.ceil(pieces)).astype(np.int64)
+    owner = np.repeat(np.arange(len(count)), count)
+    first = np.repeat(np.cumsum(count) - count, count)
+    return owner, (np.arange(len(owner)) - first + 1) / count[owner]
+
+
+def swept_edge(centres: FloatArray, radius: float, step: float) -> tuple[FloatArray, IntArray]:
+    """Right edge of what a disk sweeps along a chain, and the piece that each point belongs to.
+
+    Straight pieces move it, at vertices it turns in place: left turns make arcs, right turns
+    swallowtails for the caller to remove. Pieces are numbered by the point at which they begin;
+    a turn belongs to the piece before it.
+
+    Parameters
+    ----------
+    centres : (n, 2) float array
+        At least two, mm.
+    radius, step : float
+        Of the disk; between points of the edge, mm.
+    """
+    chord = np.diff(centres, axis=0)
+    # directions of the shortest pieces are noise
+    number = np.flatnonzero(np.hypot(chord[:, 0], chord[:, 1]) > 1e-4 * radius)
+    if not len(number):
+        return np.zeros((0, 2)), number
+    begin = centres[number]
+    chord = np.concatenate([begin[1:], centres[-1:]]) - begin
+    gap = np.hypot(chord[:, 0], chord[:, 1])
+    heading = np.arctan2(chord[:, 1], chord[:, 0])
+    bend = np.append(wrapped(np.diff(heading)), 0.0)
+    arc = radius * np.abs(bend)
+    owner, share = _subdivision((gap + arc) / step)
+    straight = (gap / (gap + arc))[owner]
+    moved = np.minimum(share / straight, 1.0)
+    turned = np.maximum(share - straight, 0.0) / np.maximum(1 - straight, 1e-300)
+    angle = np.concatenate([heading[:1], heading[owner] + bend[owner] * turned]) - np.pi / 2
+    middle = np.concatenate([begin[:1], begin[owner] + chord[owner] * moved[:, None]])
+    return middle + radius * unit(angle), number[np.concatenate([[0], owner])]
+
+
+def runs(chain: FloatArray, good: BoolArray, gap: float) -> list[FloatArray]:
+    """Maximal parts of a chain whose points are good and no more than `gap` mm apart."""
+    index = np.flatnonzero(good)
+    if not len(index):
+        return []
+    far = np.hypot(*np.diff(chain[index], axis=0).T) > gap
+    breaks = np.flatnonzero((np.diff(index) > 1) | far) + 1
+    return [chain[part] for part in np.split(index, breaks)]
+
+
+def length(chain: FloatArray) -> float:
+    """Of a chain of points, mm."""
+    return float(np.hypot(*np.diff(chain, axis=0).T).sum())
+
+
+def joined(fronts: Sequence[FloatArray], radius: float, step: float) -> list[FloatArray]:
+    """Fronts with those made one that continue each other without a sharp jut of stock."""
+    chains = list(fronts)
+    while len(chains) > 1:
+        last, first = (np.array([chain[end] for chain in chains]) for end in (-1, 0))
+        gap = np.hypot(*(last[:, None] - first[None]).transpose(2, 0, 1))
+        np.fill_diagonal(gap, np.inf)
+        if not (gap <= JOIN_GAP * radius).any():
+            break
+        leave = np.array([_direction(chain[-4:]) for chain in chains])
+        arrive = np.array([_direction(chain[:4]) for chain in chains])
+        turn = wrapped(arrive[None] - leave[:, None])
+        gap[(turn < -JOIN_RIGHT) | (turn > JOIN_LEFT)] = np.inf
+        one, two = np.unravel_index(int(np.argmin(gap)), gap.shape)
+        if gap[one, two] > JOIN_GAP * radius:
+            break
+        ahead = (chains[two][:8] - chains[one][-1]) @ unit(float(leave[one]))
+        skip = int(np.argmax(np.append(ahead > 0.3 * step, True)))
+        skip = min(skip, len(chains[two]) - 2)
+        chain = np.concatenate(
+            [
+                chains[one][:-1],
+                densified(np.stack([chains[one][-1], chains[two][skip]]), step),
+                chains[two][skip + 1 :],
+            ]
+        )
+        chains = [item for index, item in enumerate(chains) if index not in (one, two)]
+        chains.append(chain)
+    return chains
+
+
+def _direction(points: FloatArray) -> float:
+    step = points[-1] - points[0]
+    return float(np.arctan2(step[1], step[0]))

@@ -1,0 +1,116 @@
+"""Cuts of constant engagement along a front: the way of the tool centre in closed form.
+
+A tool of radius R moves with stock on its right. The stock's edge (the *front*) is a curve with
+the stock on its right as well. The tool's rim meets the front ahead at the point f; the rim from
+the right of the tool round to f is in the stock, and the angle of that arc is the engagement. With
+bearing alpha of f seen from the centre c and heading h of the travel
+
+    c = f - R e(alpha),     h = alpha + psi,     psi = pi / 2 - engagement,
+
+where e is the unit vector of an angle. Let f run along the front with arc length s and direction
+tau(s). That c moves in direction h means, resolved along e(alpha) and across it,
+
+    v cos(psi) = cos(tau - alpha),     R alpha' = sin(tau - alpha) - tan(psi) cos(tau - alpha),
+
+    alpha' = sin(tau - alpha - psi) / (R cos(psi)).                                          (1)
+
+Along a straight piece of the front theta = alpha - tau + psi obeys theta' = -sin(theta) / k with
+k = R cos(psi), so tan(theta / 2) falls as exp(-s / k). At a vertex that turns by delta, theta falls
+by delta. Both are linear in (sin(theta / 2), cos(theta / 2)), so the way along a front of n pieces
+is a product of n matrices of 2 x 2, and all partial products come from log2(n) array operations.
+The way tends to the equilibrium exponentially with length k: wherever the tool starts, it soon cuts
+with the thickness R (1 - cos(engagement)) on a straight front, less on a hollow one.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from grassfire.toolpath import FloatArray
+
+
+class Pursuit(NamedTuple):
+    """Way of the tool centre while its rim follows a front; one row a front point.
+
+    Attributes
+    ----------
+    centre : (n, 2) float array
+        mm.
+    bearing : (n,) float array
+        Direction from the centre to the front point, radians.
+    heading : (n,) float array
+        Direction of travel, radians.
+    advance : (n,) float array
+        cos(tau - alpha): negative where the tool would have to go back.
+    """
+
+    centre: FloatArray
+    bearing: FloatArray
+    heading: FloatArray
+    advance: FloatArray
+
+
+def unit(angle: FloatArray | float) -> FloatArray:
+    """(..., 2) unit vectors of angles in radians."""
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def wrapped(angle: FloatArray) -> FloatArray:
+    """Angles brought to [-pi, pi)."""
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
+def pursue(front: FloatArray, bearing: float, radius: float, engagement: FloatArray) -> Pursuit:
+    """Follow a front with given engagement: the exact solution of (1) for a polygonal front.
+
+    Parameters
+    ----------
+    front : (n, 2) float array
+        Stock on the right of its direction, mm; no two neighbours equal.
+    bearing : float
+        Direction from the tool centre to the first point, radians.
+    radius : float
+        Of the tool, mm.
+    engagement : (n - 1,) float array
+        On each piece of the front, radians, in (0, pi).
+    """
+    step = np.diff(front, axis=0)
+    tau = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    psi = np.pi / 2 - engagement
+    decay = np.exp(-np.hypot(step[:, 0], step[:, 1]) / (radius * np.sin(engagement)))
+    turn = np.append(np.diff(tau) - np.diff(psi), 0.0)
+    product = _partial_products(decay, turn / 2)
+    half = (bearing - tau[0] + psi[0]) / 2
+    sine = product[0] * np.sin(half) + product[1] * np.cos(half)
+    cosine = product[2] * np.sin(half) + product[3] * np.cos(half)
+    theta = wrapped(2 * np.arctan2(sine, cosine) + turn)
+    alpha = np.concatenate([[bearing], theta + tau - psi])
+    return Pursuit(
+        front - radius * unit(alpha),
+        alpha,
+        alpha + np.concatenate([psi[:1], psi]),
+        np.cos(np.concatenate([tau[:1], tau]) - alpha),
+    )
+
+
+def _partial_products(
+    decay: FloatArray, half_turn: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Entries a, b, c, d of M_i ... M_0 for all i, up to a factor; M = rotation * diag(decay, 1).
+
+    By doubling: after k rounds row i holds the product of the last 2^k factors.
+    """
+    cos, sin = np.cos(half_turn), np.sin(half_turn)
+    entries = np.stack([cos * decay, -sin, sin * decay, cos])
+    reach, count = 1, len(decay)
+    while reach < count:
+        a, b, c, d = entries[:, :-reach]
+        p, q, r, s = entries[:, reach:]
+        product = np.stack([p * a + q * c, p * b + q * d, r * a + s * c, r * b + s * d])
+        # only ratios count; without this they vanish on long fronts
+        product /= np.max(np.abs(product), axis=0)
+        entries = np.concatenate([entries[:, :reach], product], axis=1)
+        reach *= 2
+    return entries[0], entries[1], entries[2], entries[3]

@@ -1,0 +1,111 @@
+"""Ways through cleared area from the end of one cut to the start of the next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from grassfire.medial import MedialAxis
+from grassfire.plan.link import straight
+from grassfire.plan.path import BoolArray, Path
+from grassfire.plan.roadmap import RoadMap
+from grassfire.plan.smooth import rounded, tangent_link
+from grassfire.plan.tracing import Start
+from grassfire.plan.walls import Walls
+from grassfire.toolpath import FloatArray
+
+RADII = 0.6, 0.3, 0.12
+"""Radii of the arcs at both ends of a way that are tried, as parts of the tool radius."""
+
+ROOM = 0.01
+"""How much nearer to stock than the tool radius ways may pass, as a part of it."""
+
+PROBE = 0.1
+"""Distance of the places on a way that are looked at, as a part of the tool radius."""
+
+MAP_STEP = 2.0
+"""Distance of the places of the road map, as a part of the tool radius."""
+
+
+class Returns:
+    """Ways at the floor that keep the tool off stock and walls.
+
+    Parameters
+    ----------
+    axis : MedialAxis
+    walls : Walls
+    wall, radius : float
+        Least distance of the centre from the boundary, tool radius, mm.
+    """
+
+    def __init__(self, axis: MedialAxis, walls: Walls, wall: float, radius: float) -> None:
+        self._axis = axis
+        self._walls = walls
+        self._wall = wall
+        self._radius = radius
+        self._stock: cKDTree | None = None
+
+    def update(self, fronts: Sequence[FloatArray]) -> None:
+        """Take note of the edges of the stock (in the frame of the walls)."""
+        edges = self._walls.frame(np.concatenate(fronts)) if fronts else None
+        self._stock = None if edges is None else cKDTree(edges, balanced_tree=False)
+
+    def way(self, place: FloatArray, heading: float, start: Start, far: bool) -> Path | None:
+        """From a place and heading to the start of a cut, all in the frame of the walls.
+
+        Smooth at both ends where there is room; `far` says whether ways over the road map are
+        looked for as well. None where there is none.
+        """
+        for part in RADII:
+            way = tangent_link(place, heading, start.point, start.heading, part * self._radius)
+            if way is not None and self._clear_path(way):
+                return way
+        way = straight(place, start.point)
+        if way is None or self._clear_path(way):
+            return way
+        if not far:
+            return None
+        ends = self._walls.frame(np.stack([place, start.point]))
+        found = self._map.way(ends[0], ends[1], self, self._clear(self._map.points))
+        if found is None:
+            return None
+        for part in RADII:
+            smooth = rounded(found, part * self._radius)
+            if self._clear(smooth.sample(PROBE * self._radius)[0]).all():
+                return self._walls.path(smooth)
+        return self._walls.path(found)
+
+    def holds(
+        self, starts: FloatArray, ends: FloatArray, certain: BoolArray | None = None
+    ) -> BoolArray:
+        """Whether each straight way (drawing) lies in cleared area; `certain` is not needed."""
+        gap = np.hypot(*(ends - starts).T)
+        count = np.maximum(2, np.ceil(gap / (PROBE * self._radius)).astype(np.int64) + 1)
+        owner = np.repeat(np.arange(len(gap)), count)
+        first = np.repeat(np.cumsum(count) - count, count)
+        share = (np.arange(len(owner)) - first) / (count[owner] - 1)
+        places = starts[owner] + (ends - starts)[owner] * share[:, None]
+        held = np.ones(len(gap), dtype=bool)
+        held[owner[~self._clear(places)]] = False
+        return held
+
+    @cached_property
+    def _map(self) -> RoadMap:
+        return RoadMap(self._axis, self._wall, MAP_STEP * self._radius)
+
+    def _clear_path(self, way: Path) -> bool:
+        places = self._walls.frame(way.sample(PROBE * self._radius)[0])
+        return bool(self._clear(places).all())
+
+    def _clear(self, places: FloatArray) -> BoolArray:
+        """Where the tool touches neither wall nor stock (places in the drawing)."""
+        good = np.asarray(self._axis.clearance(places) >= self._wall - 1e-3)
+        if self._stock is None or not good.any():
+            return good
+        least = self._radius * (1 - ROOM)
+        near = self._stock.query(places[good], distance_upper_bound=least)[0]
+        good[np.flatnonzero(good)[np.isfinite(near)]] = False
+        return good

@@ -1,0 +1,342 @@
+"""Ways inside a pocket: its medial axis as a road map, pulled straight where that is allowed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.spatial import cKDTree
+
+from grassfire.medial import MedialAxis
+from grassfire.medial.parts import AxisGraph
+from grassfire.plan.link import Holding
+from grassfire.plan.path import BoolArray, IntArray, Path
+from grassfire.toolpath import FloatArray
+
+STOCK = 4.0
+"""Weight of a way through stock against one through cleared area."""
+
+SEEN = 12
+"""Places of the map that a way looks for from its ends."""
+
+SLACK = 1e-6
+"""Rounding of clearances, mm."""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """Part of a way, all in cleared area or all not known to be."""
+
+    path: Path
+    air: bool
+
+
+@dataclass(frozen=True)
+class Passage:
+    """A way into stock: its legs, and the links of the map that they follow.
+
+    Attributes
+    ----------
+    legs : tuple of Leg
+    links : tuple of int
+        To be given to `RoadMap.travel` when the way is taken.
+    """
+
+    legs: tuple[Leg, ...]
+    links: tuple[int, ...]
+
+    @property
+    def stock(self) -> float:
+        """Length that is not known to be cleared, mm."""
+        return float(sum(leg.path.length for leg in self.legs if not leg.air))
+
+
+def polyline(points: Sequence[FloatArray] | FloatArray) -> Path | None:
+    """Straight pieces through points, repeated ones and those on straight ways left out."""
+    table = np.asarray(points, dtype=np.float64)
+    step = np.diff(table, axis=0)
+    table = np.concatenate([table[:1], table[1:][np.hypot(step[:, 0], step[:, 1]) > 1e-9]])
+    if len(table) < 2:
+        return None
+    unit = np.diff(table, axis=0)
+    unit /= np.hypot(unit[:, 0], unit[:, 1])[:, None]
+    bend = np.abs(unit[:-1, 0] * unit[1:, 1] - unit[:-1, 1] * unit[1:, 0])
+    ahead = np.sum(unit[:-1] * unit[1:], axis=1) > 0
+    table = table[np.concatenate([[True], ~((bend <= 1e-9) & ahead), [True]])]
+    count = len(table) - 1
+    return Path(table, np.full((count, 2), np.nan), np.zeros(count))
+
+
+def _extrema(axis: MedialAxis, graph: AxisGraph) -> tuple[IntArray, FloatArray]:
+    """Stretches of a graph and fractions inside them where r is largest or least."""
+    row, fraction, _, _ = axis.critical
+    stretch, place = np.nonzero(
+        (axis.table.row[graph.edge][:, None] == row[None])
+        & (graph.low[:, None] < fraction[None])
+        & (fraction[None] < graph.high[:, None])
+    )
+    return stretch, fraction[place]
+
+
+class RoadMap:
+    """Places on the medial axis of the tool's positions, and links between neighbours.
+
+    Parameters
+    ----------
+    axis : MedialAxis
+    wall : float
+        Least distance of the tool centre from the boundary, mm.
+    step : float
+        Largest distance between neighbours along the axis, nearly, mm.
+
+    Attributes
+    ----------
+    points, radius : (n, 2) and (n,) float arrays
+        Places and their clearance, mm.
+    cleared : (n,) float array
+        Least wall distance of a cleared component that holds the place, mm; infinite for none.
+    """
+
+    def __init__(self, axis: MedialAxis, wall: float, step: float) -> None:
+        graph, table = axis.subgraph(wall), axis.table
+        size = np.zeros(len(graph.edge))
+        for degree in np.unique(table.degree[graph.edge]):
+            rows = np.flatnonzero(table.degree[graph.edge] == degree)
+            leg = np.diff(table.control(graph.edge[rows], int(degree))[:, :, :2], axis=1)
+            size[rows] = np.hypot(leg[:, :, 0], leg[:, :, 1]).sum(axis=1)
+        parts = np.maximum(1, np.ceil(size * (graph.high - graph.low) / step)).astype(np.int64)
+        owner = np.repeat(np.arange(len(parts)), parts - 1)
+        order = np.arange(len(owner)) - np.repeat(np.cumsum(parts - 1) - parts + 1, parts - 1) + 1
+        fraction = graph.low[owner] + (graph.high - graph.low)[owner] * order / parts[owner]
+        turning, where = _extrema(axis, graph)
+        owner, fraction = np.append(owner, turning), np.append(fraction, where)
+        order = np.lexsort((fraction, owner))
+        owner, fraction = owner[order], fraction[order]
+        inner, known = np.bincount(owner, minlength=len(parts)), len(graph.vertex_radius)
+        parts = inner + 1
+        disks = table.evaluate(graph.edge[owner], fraction)
+        self.points = np.concatenate([graph.vertex_point, disks[:, :2] + table.origin])
+        self.radius = np.concatenate([graph.vertex_radius, disks[:, 2]])
+        stretch = np.repeat(np.arange(len(parts)), parts)
+        place = np.arange(len(stretch)) - np.repeat(np.cumsum(parts) - parts, parts)
+        before = known + (np.cumsum(inner) - inner)[stretch] + place - 1
+        self._first = np.where(place == 0, graph.start[stretch], before)
+        self._second = np.where(place == parts[stretch] - 1, graph.end[stretch], before + 1)
+        gap = self.points[self._first] - self.points[self._second]
+        length = np.hypot(gap[:, 0], gap[:, 1])
+        # the shorter of two links between the same places, none from a place to itself
+        ends = np.sort(np.stack([self._first, self._second]), axis=0)
+        order = np.lexsort((length, ends[1], ends[0]))
+        ends, length = ends[:, order], length[order]
+        keep = np.any(np.diff(ends, axis=1, prepend=-1) != 0, axis=0) & (ends[0] != ends[1])
+        self._first, self._second = ends[0][keep], ends[1][keep]
+        self._length = np.maximum(length[keep], 1e-9)
+        self._travelled = np.zeros(len(self._first), dtype=bool)
+        self._tree = cKDTree(self.points)
+        self.cleared = np.full(len(self.radius), np.inf)
+
+    @cached_property
+    def _rows(self) -> dict[tuple[int, int], int]:
+        """Link between two places."""
+        pairs = zip(self._first.tolist(), self._second.tolist(), strict=True)
+        return {pair: row for row, pair in enumerate(pairs)}
+
+    def component(self, distance: float, inside: FloatArray) -> BoolArray:
+        """(n,) which places have a clearance of `distance` or more and are joined to `inside`."""
+        wide = self.radius >= distance
+        # along a link between places of clearance r and s, l apart, it is at least (r + s - l) / 2
+        both = wide[self._first] & wide[self._second]
+        total = len(self.radius)
+        matrix = coo_matrix(
+            (np.ones(np.count_nonzero(both)), (self._first[both], self._second[both])),
+            shape=(total, total),
+        )
+        label = connected_components(matrix, directed=False)[1]
+        near = np.flatnonzero(wide)
+        if not len(near):
+            return wide
+        gap = self.points[near] - inside
+        return np.asarray(wide & (label == label[near[np.argmin(np.hypot(gap[:, 0], gap[:, 1]))]]))
+
+    def clear(self, places: BoolArray, distance: float) -> None:
+        """Note that a component is cleared whose rings are `distance` from the wall."""
+        self.cleared[places] = np.minimum(self.cleared[places], distance)
+
+    def air(self) -> BoolArray:
+        """(m,) which links are proven to lie in cleared components, or were travelled before."""
+        floor = np.maximum(self.cleared[self._first], self.cleared[self._second])
+        least = (self.radius[self._first] + self.radius[self._second] - self._length) / 2
+        return np.asarray((least >= floor - SLACK) | self._travelled)
+
+    def way(
+        self, start: FloatArray, end: FloatArray, inside: Holding, allowed: BoolArray
+    ) -> Path | None:
+        """A short way between two points of an interior that stays in it, or None.
+
+        Parameters
+        ----------
+        start, end : (2,) float arrays
+            mm.
+        inside : Holding
+        allowed : (n,) bool array
+            Places that the way may use.
+        """
+        if inside.holds(start[None], end[None])[0]:
+            return polyline([start, end])
+        tails, heads = self._seen(start, inside, allowed), self._seen(end, inside, allowed)
+        nodes = self._shortest(start, end, tails, heads, allowed, self._length)
+        if nodes is None:
+            return None
+        chain = np.concatenate([start[None], self.points[nodes], end[None]])
+        path, reached = _pulled(chain, inside, True)
+        return path if reached == len(chain) - 1 else None
+
+    def passage(
+        self,
+        start: FloatArray,
+        goal: FloatArray,
+        insides: tuple[Holding, Holding],
+        own: BoolArray,
+        all_: BoolArray,
+    ) -> Passage | None:
+        """A way from a cleared component into stock, as little of it in stock as the map allows.
+
+        Parameters
+        ----------
+        start : (2,) float array
+            Place in the component, mm.
+        goal : (2,) float array
+            Place on the axis, mm.
+        insides : pair of Holding
+            The component, and one around it that holds the goal as well.
+        own, all_ : (n,) bool arrays
+            Places strictly inside the first, places in the second.
+        """
+        _, node = self._tree.query(goal)
+        tails = self._seen(start, insides[0], own)
+        seen = len(tails) > 0
+        if not seen:
+            tails = self._seen(start, insides[1], all_, certain=False)
+        air = self.air()
+        weight = np.where(air, 1.0, STOCK) * self._length
+        nodes = self._shortest(start, goal, tails, np.array([node]), all_, weight)
+        if nodes is None:
+            return None
+        first = 0
+        lead = polyline([start, self.points[nodes[0]]])
+        if seen:
+            left = np.flatnonzero(~own[nodes])
+            most = int(left[0]) if len(left) else len(nodes)
+            head = np.concatenate([start[None], self.points[nodes[:most]]])
+            lead, reached = _pulled(head, insides[0], False)
+            first = reached - 1
+        links = self._links(nodes[first:])
+        legs = [] if lead is None else [Leg(lead, seen)]
+        legs += self._legs(nodes[first:], links, air)
+        last = polyline([self.points[nodes[-1]], goal])
+        if last is not None:
+            legs.append(Leg(last, False))
+        return Passage(tuple(legs), tuple(links))
+
+    def travel(self, passage: Passage) -> None:
+        """Note that the tool went this way: it is cleared now."""
+        self._travelled[list(passage.links)] = True
+
+    def _links(self, nodes: IntArray) -> list[int]:
+        """Links between places that follow each other."""
+        pairs = zip(nodes[:-1].tolist(), nodes[1:].tolist(), strict=True)
+        return [
+            self._rows[(one, two)] if (one, two) in self._rows else self._rows[(two, one)]
+            for one, two in pairs
+        ]
+
+    def _legs(self, nodes: IntArray, links: list[int], air: BoolArray) -> list[Leg]:
+        """Legs over neighbouring places, one for each run of links in air or in stock."""
+        if not links:
+            return []
+        state = air[links]
+        cuts = np.flatnonzero(state[1:] != state[:-1]) + 1
+        bounds = [0, *cuts.tolist(), len(links)]
+        runs = [
+            (polyline(self.points[nodes[low : high + 1]]), bool(state[low]))
+            for low, high in pairwise(bounds)
+        ]
+        return [Leg(path, flag) for path, flag in runs if path is not None]
+
+    def _seen(
+        self, point: FloatArray, inside: Holding, allowed: BoolArray, certain: bool = True
+    ) -> IntArray:
+        """Places near a point to which the straight way stays in an interior.
+
+        `certain` says that places that are allowed lie strictly inside it.
+        """
+        rows = np.flatnonzero(allowed)
+        gap = self.points[rows] - point
+        near = rows[np.argsort(np.hypot(gap[:, 0], gap[:, 1]), kind="stable")[:SEEN]]
+        starts = np.repeat(point[None], len(near), axis=0)
+        known = np.full(len(near), certain)
+        return np.asarray(near[inside.holds(starts, self.points[near], certain=known)])
+
+    def _shortest(
+        self,
+        start: FloatArray,
+        end: FloatArray,
+        tails: IntArray,
+        heads: IntArray,
+        allowed: BoolArray,
+        weight: FloatArray,
+    ) -> IntArray | None:
+        """Places of the shortest way from `start` over one of `tails` and of `heads` to `end`."""
+        if not len(tails) or not len(heads):
+            return None
+        total = len(self.radius)
+        usable = np.flatnonzero(allowed[self._first] & allowed[self._second])
+        to_tails = np.hypot(*(self.points[tails] - start).T)
+        to_heads = np.hypot(*(self.points[heads] - end).T)
+        first = np.concatenate(
+            [self._first[usable], np.full(len(tails), total), np.full(len(heads), total + 1)]
+        )
+        second = np.concatenate([self._second[usable], tails, heads])
+        value = np.concatenate([weight[usable], to_tails, to_heads])
+        matrix = coo_matrix(
+            (np.maximum(value, 1e-9), (first, second)), shape=(total + 2, total + 2)
+        ).tocsr()
+        distance, previous = dijkstra(
+            matrix, directed=False, indices=total, return_predecessors=True
+        )
+        if not np.isfinite(distance[total + 1]):
+            return None
+        nodes = []
+        node = int(previous[total + 1])
+        while node != total:
+            nodes.append(node)
+            node = int(previous[node])
+        return np.array(nodes[::-1], dtype=np.int64)
+
+
+def _pulled(chain: FloatArray, inside: Holding, closed: bool) -> tuple[Path | None, int]:
+    """A chain of points with as many left out as straight ways in an interior allow.
+
+    Also the number of the point where it ends: the last, or the first one without a way on.
+    `closed` says whether the last point may lie on a ring, as the first may.
+    """
+    kept = [chain[0]]
+    here, last = 0, len(chain) - 1
+    while here < last:
+        # the next point, those twice as far each, and the last
+        ahead = here + 2 ** np.arange(int(np.log2(last - here)) + 1)
+        ahead = np.unique(np.append(ahead, last))
+        starts = np.repeat(chain[here][None], len(ahead), axis=0)
+        # all but the ends of the chain are places on the map
+        certain = (ahead < last) | (here > 0) | (not closed)
+        held = np.flatnonzero(inside.holds(starts, chain[ahead], certain=certain))
+        if not len(held):
+            break
+        here = int(ahead[held[-1]])
+        kept.append(chain[here])
+    return polyline(kept), here

@@ -1,0 +1,108 @@
+"""Wall rings as samples: the ways of a tool that touches the wall."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from grassfire.plan.link import Clearance
+from grassfire.plan.path import IntArray, Path, join
+from grassfire.toolpath import FloatArray
+
+
+def mirrored(points: FloatArray) -> FloatArray:
+    """Points (n, 2) reflected in the x axis: right and left change places."""
+    return np.asarray(points * np.array([1.0, -1.0]))
+
+
+def mirrored_path(path: Path) -> Path:
+    """A path reflected in the x axis."""
+    return Path(mirrored(path.points), mirrored(path.centre), -path.sweep)
+
+
+class Walls:
+    """Rings of one component, sampled, in a frame in which cuts keep the stock on their right.
+
+    Parameters
+    ----------
+    axis : Clearance
+        Asked for the distance to the boundary.
+    rings : sequence of Path
+        Closed, component on the left.
+    step : float
+        Between samples, mm.
+    reflect : bool
+        Whether the frame is the mirror image of the drawing: for stock on the left.
+
+    Attributes
+    ----------
+    points : (n, 2) float array
+        Samples of all rings, mm.
+    heading : (n,) float array
+        Direction along the ring from each, radians.
+    along : (n,) float array
+        Arc length on its ring, mm.
+    ring, first, count : (n,) int arrays
+        Ring of each sample; index of its first sample and how many it has.
+    """
+
+    def __init__(
+        self, axis: Clearance, rings: Sequence[Path], step: float, reflect: bool = False
+    ) -> None:
+        self._axis = axis
+        self.reflect = reflect
+        self.rings = [mirrored_path(ring.reversed()) for ring in rings] if reflect else list(rings)
+        sampled = [ring.sample(step) for ring in self.rings]
+        size = np.array([len(along) - 1 for _, along in sampled])
+        self.points = np.concatenate([points[:-1] for points, _ in sampled])
+        chords = np.concatenate([np.diff(points, axis=0) for points, _ in sampled])
+        self.heading = np.arctan2(chords[:, 1], chords[:, 0])
+        self.along = np.concatenate([along[:-1] for _, along in sampled])
+        self.ring = np.repeat(np.arange(len(size)), size)
+        self.first = np.repeat(np.cumsum(size) - size, size)
+        self.count = np.repeat(size, size)
+        self._tree = cKDTree(self.points)
+
+    def frame(self, points: FloatArray) -> FloatArray:
+        """Points of the drawing in the frame, and back."""
+        return mirrored(points) if self.reflect else points
+
+    def chain(self, chain: FloatArray) -> FloatArray:
+        """An edge of stock in the frame, and back: reflected, it runs the other way."""
+        return mirrored(chain)[::-1] if self.reflect else chain
+
+    def path(self, path: Path) -> Path:
+        """A path of the frame in the drawing, and back."""
+        return mirrored_path(path) if self.reflect else path
+
+    def clearance(self, points: FloatArray) -> FloatArray:
+        """(n,) distance of points of the frame to the boundary, mm."""
+        return self._axis.clearance(self.frame(points))
+
+    def nearest(self, point: FloatArray) -> int:
+        """Index of the nearest sample."""
+        return int(self._tree.query(point)[1])
+
+    def ahead(self, sample: int, count: int) -> IntArray:
+        """(m,) indices of the next samples on the same ring, this one first, at most one lap."""
+        first, size = int(self.first[sample]), int(self.count[sample])
+        return np.asarray(first + (sample - first + np.arange(min(count, size))) % size)
+
+    def behind(self, sample: int, count: int) -> IntArray:
+        """(m,) indices of the samples before it on the same ring, this one first."""
+        first, size = int(self.first[sample]), int(self.count[sample])
+        return np.asarray(first + (sample - first - np.arange(min(count, size))) % size)
+
+    def slice(self, start: int, stop: int) -> Path | None:
+        """The ring from one sample forward to another; None where they are the same."""
+        if start == stop:
+            return None
+        ring = self.rings[int(self.ring[start])]
+        low, high = float(self.along[start]), float(self.along[stop])
+        if low < high:
+            return ring.slice(low, high)
+        if high == 0.0:
+            return ring.slice(low, ring.length)
+        return join(ring.slice(low, ring.length), ring.slice(0.0, high))
