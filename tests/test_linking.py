@@ -12,6 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from grassfire.app.stages import machining_order
+from grassfire.dxf import Drawing
+from grassfire.job import Job
 from grassfire.plan.link import Interior, RingSet
 from grassfire.plan.offset import offset_pockets
 from grassfire.plan.operation import _feeds, _levels, _settings
@@ -192,6 +195,35 @@ def test_operations_with_one_tool_follow_each_other_where_they_may() -> None:
     free: list[frozenset[int]] = [frozenset()] * 4
     assert by_tool([1, 2, 1, 2], free) == [0, 2, 1, 3]
     assert by_tool([1, 2, 1], [frozenset(), frozenset({0}), frozenset({1})]) == [0, 1, 2]
+
+
+def test_operations_are_regrouped_by_tool_only_where_their_regions_are_apart() -> None:
+    tool = {"spindle_speed": 9000, "feed": 900, "plunge_feed": 300}
+    operation = {"strategy": "offset", "depth": 1.0}
+    data = {
+        "name": "order",
+        "input": {"file": "order.dxf"},
+        "tools": [{"number": 1, "diameter": 6.0, **tool}, {"number": 2, "diameter": 3.0, **tool}],
+        "operations": [{"tool": number, **operation} for number in (1, 2, 1)],
+    }
+    job = Job.model_validate(data, context={"units": "mm"})
+    shift = np.array([[1.0, 0.0, 500.0], [0.0, 1.0, 0.0]])
+    near, far = (
+        Drawing(
+            regions=(region,),
+            region_layers=((layer,),),
+            units="mm",
+            units_source="argument",
+            layers=(layer,),
+            findings=(),
+        )
+        for layer, region in (
+            ("A", axis_of("rectangle").region),
+            ("B", axis_of("rectangle").region.transformed(shift)),
+        )
+    )
+    assert machining_order(job, (near, far, near)) == [0, 2, 1]
+    assert machining_order(job, (near, near, near)) == [0, 1, 2]
 
 
 LINK = Path(np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]]), np.full((2, 2), np.nan), np.zeros(2))

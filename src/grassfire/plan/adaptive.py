@@ -217,10 +217,14 @@ class AdaptivePocket:
         tree = cKDTree(swept)
         new = self._new_fronts(centres, float(headings[-1]), free, tree)
         kept: list[FloatArray] = []
-        for front in fronts:
+        for number, front in enumerate(fronts):
             gone = tree.query(front, distance_upper_bound=self._radius * (1 - GRAZE / 2))[0]
             left = np.isinf(gone)
-            kept += [front] if left.all() else runs(front, left, 4 * self._step)
+            if not left.all():
+                kept += runs(front, left, 4 * self._step)
+            elif number > 0:
+                # a front that its own cut leaves as it is has no stock behind it
+                kept.append(front)
         self._cleared.add(swept)
         kept = [
             front

@@ -240,7 +240,9 @@ class Tracer:
             touch = self._touch(cut, ahead)
             over = touch.engagement >= self._limit
             leave = int(np.argmax(over)) if over.any() else len(ahead)
-            end = _first_long_run(~touch.found, int(AIR * self._radius / self._step), leave)
+            # round a corner of the pocket the front may be touched for long before it is cut
+            patience = AIR * self._radius / self._step if cut.pieces else BACK
+            end = _first_long_run(~touch.found, int(patience), leave)
             if end < leave:
                 if end:
                     self._slid(cut, ahead[:end])
