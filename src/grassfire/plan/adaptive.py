@@ -28,7 +28,7 @@ from grassfire.plan.fronts import (
     swept_edge,
 )
 from grassfire.plan.link import straight
-from grassfire.plan.path import BoolArray, Path
+from grassfire.plan.path import Path
 from grassfire.plan.pursuit import unit
 from grassfire.plan.returns import Returns
 from grassfire.plan.rings import Component, components
@@ -39,9 +39,6 @@ from grassfire.plan.wallpass import wall_pass
 from grassfire.plan.walls import Walls
 from grassfire.report import Finding, Severity
 from grassfire.toolpath import FloatArray, Role
-
-CUT_FIT = 1.5e-3
-"""How far cuts may lie from the exact way, mm; also towards the wall."""
 
 LEAST_HELIX = 0.1
 """Smallest helix as a part of the tool radius; places without room for it are slots."""
@@ -108,8 +105,8 @@ class AdaptivePocket:
         self._settings = settings
         self._radius = settings.tool_radius
         self._step = SAMPLING * self._radius
-        self._walls = Walls(axis, part.rings, self._step, reflect=not settings.climb)
-        self._tracer = Tracer(self._walls, settings.wall, self._radius, settings.engagement)
+        self._walls = Walls(axis, part.rings, settings.wall, self._step, reflect=not settings.climb)
+        self._tracer = Tracer(self._walls, self._radius, settings.engagement)
         self._returns = Returns(axis, self._walls, settings.wall, self._radius)
         self._cleared = Disks()
         self._fronts: list[FloatArray] = []
@@ -205,19 +202,23 @@ class AdaptivePocket:
         self, pieces: list[Piece], fronts: list[FloatArray], place: FloatArray
     ) -> tuple[FloatArray, float]:
         """Write a cut and bring cleared area and fronts up to date; the first front was cut."""
-        path = self._tracer.path(pieces, CUT_FIT)
+        path = self._tracer.path(pieces)
         way = straight(place, path.start)
         if way is not None:
             self._stroke(StrokeKind.FEED, way, Role.CUT)
         self._stroke(StrokeKind.FEED, path, Role.CUT)
         centres = np.concatenate([piece.points for piece in pieces])
         headings = np.concatenate([piece.heading for piece in pieces])
-        free = np.concatenate([np.full(len(piece.points), piece.free) for piece in pieces])
+        room = np.concatenate([piece.room for piece in pieces])
         swept = densified(centres, self._step)
         tree = cKDTree(swept)
-        new = self._new_fronts(centres, float(headings[-1]), free, tree)
+        new = self._new_fronts(centres, float(headings[-1]), room, tree)
+        low, high = swept.min(axis=0) - self._radius, swept.max(axis=0) + self._radius
         kept: list[FloatArray] = []
         for number, front in enumerate(fronts):
+            if number > 0 and not _overlap(front, low, high):
+                kept.append(front)
+                continue
             gone = tree.query(front, distance_upper_bound=self._radius * (1 - GRAZE / 2))[0]
             left = np.isinf(gone)
             if not left.all():
@@ -238,18 +239,30 @@ class AdaptivePocket:
         return centres[-1], float(headings[-1])
 
     def _new_fronts(
-        self, centres: FloatArray, heading: float, free: BoolArray, own: cKDTree
+        self, centres: FloatArray, heading: float, room: FloatArray, own: cKDTree
     ) -> list[FloatArray]:
         """Edges of the stock that a cut leaves, the rim about its end included."""
         edge, piece = swept_edge(centres, self._radius, self._step)
-        open_ = free[piece] | free[np.minimum(piece + 1, len(free) - 1)]
+        last = len(room) - 1
+        open_ = np.maximum(room[piece], room[np.minimum(piece + 1, last)]) > 0
         rim = heading + np.arange(0.0, np.pi, SAMPLING)
         edge = np.concatenate([edge, centres[-1] + self._radius * unit(rim - np.pi / 2)])
         open_ = np.concatenate([open_, np.ones(len(rim), dtype=bool)])
+        piece = np.concatenate([piece, np.full(len(rim), last)])
         stock = open_ & (own.query(edge)[0] > self._radius * (1 - GRAZE))
         rows = np.flatnonzero(stock)
         old = self._cleared.distance(edge[rows], 1.01 * self._radius)
         stock[rows] = old > self._radius * (1 + GRAZE)
+        # where the wall is nearer to the edge than that, it is near the tool as well
+        skin = WALL_SKIN * self._radius
         rows = np.flatnonzero(stock)
-        stock[rows] = self._walls.clearance(edge[rows]) > WALL_SKIN * self._radius
+        near = np.minimum(room[piece[rows]], room[np.minimum(piece[rows] + 1, last)])
+        rows = rows[near < skin]
+        if len(rows):
+            stock[rows] = self._walls.clearance(edge[rows]) > skin
         return runs(edge, stock, 4 * self._step)
+
+
+def _overlap(chain: FloatArray, low: FloatArray, high: FloatArray) -> bool:
+    """Whether the box of a chain meets another."""
+    return bool(np.all(chain.max(axis=0) >= low) and np.all(chain.min(axis=0) <= high))

@@ -101,8 +101,8 @@ class Returns:
         return bool(self._clear(places).all())
 
     def _clear(self, places: FloatArray) -> BoolArray:
-        """Where the tool touches neither wall nor stock (places in the drawing)."""
-        good = np.asarray(self._axis.clearance(places) >= self._wall - 1e-3)
+        """Where on ways in the drawing the tool touches neither wall nor stock."""
+        good = np.asarray(self._walls.room(self._walls.frame(places)) >= -1e-3)
         if self._stock is None or not good.any():
             return good
         least = self._radius * (1 - ROOM)

@@ -43,7 +43,7 @@ def _centres(begin: FloatArray, end: FloatArray, turn: FloatArray) -> FloatArray
     return np.asarray((begin + end + normal * cot[:, None]) / 2)
 
 
-def fit(points: FloatArray, headings: FloatArray, tolerance: float) -> Path:
+def fit(points: FloatArray, headings: FloatArray, tolerance: FloatArray) -> Path:
     """Lines and arcs through samples of a smooth curve, tangent-continuous.
 
     Parameters
@@ -52,15 +52,15 @@ def fit(points: FloatArray, headings: FloatArray, tolerance: float) -> Path:
         At least two, mm.
     headings : (n,) float array
         Direction of travel at each, radians.
-    tolerance : float
+    tolerance : (n,) float array
         How far samples may lie from the path, mm.
     """
     low, high = np.array([0]), np.array([len(points) - 1])
     done: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
     while len(low):
         joint, turn = _biarcs(points[low], points[high], headings[low], headings[high])
-        error = _deviation(points, low, high, joint, turn)
-        good = (error <= tolerance) | (high - low <= 1)
+        error = _deviation(points, tolerance, low, high, joint, turn)
+        good = (error <= 1.0) | (high - low <= 1)
         done.append((low[good], high[good], joint[good], turn[good]))
         low, high = low[~good], high[~good]
         middle = (low + high) // 2
@@ -71,16 +71,22 @@ def fit(points: FloatArray, headings: FloatArray, tolerance: float) -> Path:
 
 
 def _deviation(
-    points: FloatArray, low: FloatArray, high: FloatArray, joint: FloatArray, turn: FloatArray
+    points: FloatArray,
+    tolerance: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    joint: FloatArray,
+    turn: FloatArray,
 ) -> FloatArray:
-    """(m,) largest distance of the samples between low and high from each biarc, mm."""
+    """(m,) largest distance of the samples between low and high from each biarc, in tolerances."""
     count = high - low - 1
     owner = np.repeat(np.arange(len(low)), np.maximum(count, 0))
     result = np.zeros(len(low))
     if not len(owner):
         return result
     start = np.cumsum(np.maximum(count, 0)) - np.maximum(count, 0)
-    sample = points[low[owner] + 1 + np.arange(len(owner)) - start[owner]]
+    number = low[owner] + 1 + np.arange(len(owner)) - start[owner]
+    sample = points[number]
     begin, end = points[low], points[high]
     across = end - begin
     second = np.sum((sample - joint[owner]) * across[owner], axis=1) > 0
@@ -91,7 +97,7 @@ def _deviation(
         centre = _centres(one, two, turn[:, half])[which]
         radius = np.hypot(*(one[which] - centre).T)
         off[rows] = np.abs(np.hypot(*(sample[rows] - centre).T) - radius)
-    np.maximum.at(result, owner, off)
+    np.maximum.at(result, owner, off / tolerance[number])
     # a biarc that turns back has left its samples
     result[np.any(np.abs(turn) > np.pi, axis=1)] = np.inf
     return result

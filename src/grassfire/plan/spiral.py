@@ -40,6 +40,9 @@ MARGIN = 0.995
 ROUNDS = 4
 """How often laps are counted anew where rounding has parted them too far."""
 
+HELPS = 0.7
+"""More laps must leave less than this part of what laps are too far apart."""
+
 SLACK = 5e-4
 """Part of the stepover by which measured laps may miss it."""
 
@@ -320,16 +323,21 @@ class SpiralPocket:
         """Even points of laps without corners, as many as keep them within the spacing."""
         spacing = self._pitch.spacing
         laps = max(1, int(np.ceil(ways.speed / (MARGIN * spacing) + 2 * spiral_wave.EASE)))
-        for _ in range(ROUNDS):
+        tried: list[tuple[float, FloatArray]] = []
+        while len(tried) < ROUNDS:
             points = evened(spiral_wave.raw_laps(ways, laps), self._pitch.fine)
             points[0] = first.end
             seams = spiral_wave.seam_places(ways, laps)
             rounded = _rounded(points, 1.0 if ways.even else EVENING)
             gap = widest_step(points, rounded, seams)
             if gap <= spacing * (1.0 + SLACK):
-                break
+                return rounded
+            if tried and gap - spacing > HELPS * (tried[-1][0] - spacing):
+                # a place that more laps do not bring nearer: the fewest will do
+                return tried[0][1]
+            tried.append((gap, rounded))
             laps = max(laps + 1, int(np.ceil(laps * gap / spacing)))
-        return rounded
+        return tried[-1][1]
 
     def _off_wall(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Laps brought back from where rounding moved them towards the wall, and how far each

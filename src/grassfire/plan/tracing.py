@@ -30,6 +30,9 @@ AIR = 0.7
 WINDOW = 64, 220
 """Wall samples and front samples looked at together."""
 
+FIT = 1.5e-3, 6e-3
+"""How far cuts may lie from the exact way at walls and away from them, mm."""
+
 BACK = 60
 """Wall samples that a cut goes back at most to begin outside the stock."""
 
@@ -59,12 +62,15 @@ class Piece:
     ----------
     points : (n, 2) float array
     heading : (n,) float array
+    room : (n,) float array
+        Clearance beyond that of the wall, or less, mm.
     samples : (n,) int array
         Indices of wall samples; empty for free pieces.
     """
 
     points: FloatArray
     heading: FloatArray
+    room: FloatArray
     samples: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @property
@@ -104,14 +110,12 @@ class Tracer:
     Parameters
     ----------
     walls : Walls
-    wall, radius, engagement : float
-        Least distance of the centre from the boundary, tool radius, mm; largest engagement,
-        radians.
+    radius, engagement : float
+        Of the tool, mm; largest engagement, radians.
     """
 
-    def __init__(self, walls: Walls, wall: float, radius: float, engagement: float) -> None:
+    def __init__(self, walls: Walls, radius: float, engagement: float) -> None:
         self._walls = walls
-        self._wall = wall
         self._radius = radius
         self._limit = engagement
         self._step = SAMPLING * radius
@@ -146,11 +150,12 @@ class Tracer:
         self._trace(cut, start.sample, bearing, (FIRST_BITE[1], EASE[1] * self._radius))
         return cut.pieces
 
-    def path(self, pieces: list[Piece], tolerance: float) -> Path:
+    def path(self, pieces: list[Piece]) -> Path:
         """A cut as lines and arcs; wall pieces are the wall rings' own."""
         paths: list[Path] = []
         for piece in pieces:
             if piece.free:
+                tolerance = np.clip(piece.room / 2, *FIT)
                 own = fit(piece.points, piece.heading, tolerance) if len(piece.points) > 1 else None
             else:
                 own = self._walls.slice(int(piece.samples[0]), int(piece.samples[-1]))
@@ -211,11 +216,14 @@ class Tracer:
         stop = int(np.argmax(back)) if back.any() else len(back)
         if stop == 0:
             return ENDED
-        outside = self._walls.clearance(way.centre[:stop]) < self._wall - 1e-9
+        room = self._walls.room(way.centre[:stop])
+        outside = room < -1e-9
+        # towards the wall the fitted way may be off by its tolerance
+        outside[1:] |= (room[1:] < FIT[0]) & (room[1:] < room[:-1])
         outside[0] &= not cut.pieces
         leave = int(np.argmax(outside)) if outside.any() else stop
         if leave:
-            cut.pieces.append(Piece(way.centre[:leave], way.heading[:leave]))
+            cut.pieces.append(Piece(way.centre[:leave], way.heading[:leave], room[:leave]))
         if leave == stop:
             cut.index = len(cut.front) - len(front) + stop - 1
             return WHOLE if stop == len(front) else ENDED
@@ -261,7 +269,14 @@ class Tracer:
         return None
 
     def _slid(self, cut: _Cut, samples: IntArray) -> None:
-        cut.pieces.append(Piece(self._walls.points[samples], self._walls.heading[samples], samples))
+        cut.pieces.append(
+            Piece(
+                self._walls.points[samples],
+                self._walls.heading[samples],
+                np.zeros(len(samples)),
+                samples,
+            )
+        )
 
     def _touch(self, cut: _Cut, samples: IntArray) -> _Touch:
         """Where the rim crosses the front ahead, from wall samples."""

@@ -31,6 +31,8 @@ class Walls:
         Asked for the distance to the boundary.
     rings : sequence of Path
         Closed, component on the left.
+    wall : float
+        Their distance from the boundary, mm.
     step : float
         Between samples, mm.
     reflect : bool
@@ -49,9 +51,16 @@ class Walls:
     """
 
     def __init__(
-        self, axis: Clearance, rings: Sequence[Path], step: float, reflect: bool = False
+        self,
+        axis: Clearance,
+        rings: Sequence[Path],
+        wall: float,
+        step: float,
+        reflect: bool = False,
     ) -> None:
         self._axis = axis
+        self._wall = wall
+        self._step = step
         self.reflect = reflect
         self.rings = [mirrored_path(ring.reversed()) for ring in rings] if reflect else list(rings)
         sampled = [ring.sample(step) for ring in self.rings]
@@ -80,6 +89,19 @@ class Walls:
     def clearance(self, points: FloatArray) -> FloatArray:
         """(n,) distance of points of the frame to the boundary, mm."""
         return self._axis.clearance(self.frame(points))
+
+    def room(self, chain: FloatArray) -> FloatArray:
+        """(n,) clearance beyond `wall` on a way that begins inside; exact near the rings, mm.
+
+        Elsewhere the distance to the rings, which is less: on the way from a point to the nearest
+        wall, the ring is met at clearance - wall. Points of the way must be no further apart than
+        twice the samples of the rings, so that none passes a ring unseen.
+        """
+        result = self._tree.query(chain)[0] - self._step / 2
+        near = np.flatnonzero(result < 2 * self._step)
+        if len(near):
+            result[near] = self.clearance(chain[near]) - self._wall
+        return np.asarray(result)
 
     def nearest(self, point: FloatArray) -> int:
         """Index of the nearest sample."""
