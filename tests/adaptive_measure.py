@@ -12,16 +12,17 @@ from grassfire.plan.path import Path
 from grassfire.plan.strokes import Stroke, StrokeKind
 from grassfire.toolpath import FloatArray, Role
 
-STEP = 0.05
+STEP = 0.075
 """Between places of the tool, mm: disks so close leave scallops of STEP^2 / (8 R)."""
 
 CHIP = 1e-3
 """Thinner chips count as none, mm."""
 
-RIM = np.radians(np.arange(-180.0, 180.0, 1.0) + 0.5)
-"""Angles from the heading of the places on the rim."""
+RIM = np.radians(np.arange(-95.0, 95.0, 1.0) + 0.5)
+"""Angles from the heading of the places on the rim: what lies behind was passed just before."""
 
 CHUNK = 64
+"""Places that are looked at one by one before they become part of the polygon."""
 
 
 @dataclass(frozen=True)
@@ -75,26 +76,29 @@ def track(strokes: Sequence[Stroke]) -> tuple[FloatArray, Track]:
 def engagement(pocket: shapely.Polygon, start: FloatArray, way: Track, radius: float) -> FloatArray:
     """(n,) angle of the rim that lies in stock at each place, radians.
 
-    Stock is the pocket without all disks before. The disks of long ago are one polygon, the last
-    ones are looked at one by one.
+    Stock is the pocket without all disks before. The disks of long ago are taken out of a polygon,
+    the last ones are looked at one by one.
     """
-    cleared = shapely.union_all(shapely.buffer(shapely.points(start), radius, quad_segs=64))
+    reach = radius + CHIP
+    stock = pocket.difference(shapely.LineString(start).buffer(reach, quad_segs=64))
     angle = np.zeros(len(way.points))
-    for first in range(0, len(angle), CHUNK):
-        rows = slice(max(first - 1, 0), first + CHUNK)
-        centres = way.points[first : first + CHUNK]
-        turn = way.heading[first : first + CHUNK, None] + RIM
-        rim = centres[:, None] + radius * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-        stock = pocket.buffer(-CHIP).difference(cleared.buffer(CHIP))
-        shapely.prepare(stock)
-        hit = shapely.contains_xy(stock, rim[..., 0], rim[..., 1])
-        place, where = np.nonzero(hit)
-        away = np.hypot(*(rim[place, where][:, None] - centres[None]).transpose(2, 0, 1))
-        earlier = np.arange(len(centres))[None] < place[:, None]
-        hit[place, where] = ~((away < radius + CHIP) & earlier).any(axis=1)
-        angle[first : first + CHUNK] = hit.sum(axis=1) * (RIM[1] - RIM[0])
-        disks = shapely.buffer(shapely.points(way.points[rows]), radius, quad_segs=64)
-        cleared = shapely.union_all([cleared, *disks])
+    begins = np.flatnonzero(way.gap == 0.0)
+    for begin, end in zip(begins, np.append(begins[1:], len(angle)), strict=True):
+        for first in range(begin, end, CHUNK):
+            rows = slice(first, min(first + CHUNK, end))
+            centres = way.points[rows]
+            turn = way.heading[rows, None] + RIM
+            rim = centres[:, None] + radius * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+            shapely.prepare(stock)
+            hit = shapely.contains_xy(stock, rim[..., 0], rim[..., 1])
+            place, where = np.nonzero(hit)
+            away = rim[place, where][:, None] - centres[None]
+            earlier = np.arange(len(centres))[None] < place[:, None]
+            passed = np.sum(away * away, axis=2) < reach * reach
+            hit[place, where] = ~(passed & earlier).any(axis=1)
+            angle[rows] = hit.sum(axis=1) * (RIM[1] - RIM[0])
+            last = centres if len(centres) > 1 else np.repeat(centres, 2, axis=0)
+            stock = stock.difference(shapely.LineString(last).buffer(reach, quad_segs=64))
     return angle
 
 

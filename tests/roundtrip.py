@@ -74,16 +74,18 @@ def _rows_of(
     small: list[int],
     read: Toolpath,
     place: int,
-    reach: float,
+    reach: tuple[float, float],
     feed_unit: float,
 ) -> list[int]:
     """Rows from `place` on that make one planned move.
 
-    They end within `reach` of its end, have its feed, and about its length. Rows before them make
-    the small moves that came before it, which rounding may have dropped. None if there are none.
+    They begin and end within `reach` of its ends, have its feed, and about its length. Rows before
+    them make the small moves that came before it, which rounding may have dropped. None if there
+    are none.
     """
     ends = (
-        np.flatnonzero((np.abs(read.end[place:] - planned.end[row]) <= reach).all(axis=1)) + place
+        np.flatnonzero((np.abs(read.end[place:] - planned.end[row]) <= reach[1]).all(axis=1))
+        + place
     )
     own, feeds = planned.feed[row], planned.feed[small]
     length = read.length
@@ -93,7 +95,7 @@ def _rows_of(
             made = float(length[rows].sum())
             if first > place and not small:
                 continue
-            if small and (np.abs(read.begin[first] - planned.end[small[-1]]) > reach).any():
+            if small and (np.abs(read.begin[first] - planned.end[small[-1]]) > reach[0]).any():
                 continue
             if small and (np.abs(before[:, None] - feeds).min(axis=1) > feed_unit).any():
                 continue
@@ -120,7 +122,7 @@ def check(
 
     Moves that vanish in rounding may be missing, arcs may be parts or chords, rapids may be one
     axis after another; before the first and after the last planned move there may be rapids. Ends
-    of helices may be off by `slack` mm more.
+    of helices may be off by `slack` mm more, and so may the tool be until X and Y are told again.
     """
     exact = 0.5 * unit * (1 + 1e-6) + 1e-9
     diameter = 2 * np.hypot(*(planned.begin[:, :2] - planned.centre).T)
@@ -130,20 +132,18 @@ def check(
     for row in range(len(planned)):
         end = planned.end[row]
         helix = planned.is_arc[row] and planned.begin[row, 2] != end[2]
-        # Where a helix ended a little off, the tool is until both X and Y have been written.
-        off = helix or off_helix
+        upright = bool((planned.begin[row, :2] == end[:2]).all())
+        reach = (exact + slack * off_helix, exact + slack * (helix or (off_helix and upright)))
         if row == 0 and (np.abs(read.start - end) <= exact).all():
             continue  # the operation before ended there
         if size[row] <= 3 * unit + TOLERANCE + slack:
             small.append(row)  # perhaps dropped in rounding
-            off_helix = off
+            off_helix = off_helix or helix
             continue
-        rows = _rows_of(planned, row, small, read, place, exact, feed_unit)
-        if not rows and off:
-            rows = _rows_of(planned, row, small, read, place, exact + slack, feed_unit)
+        rows = _rows_of(planned, row, small, read, place, reach, feed_unit)
         assert rows, (row, end, read.line[place : place + 1], small)
         small = []
-        off_helix = off and bool((np.abs(read.end[rows[-1]] - end) > exact).any())
+        off_helix = helix or (off_helix and upright)
         found.end = max(found.end, float(np.abs(read.end[rows[-1]] - end).max()))
         found.moves += 1
         found.blocks += len(rows)

@@ -299,8 +299,8 @@ def test_a_drawing_in_the_wrong_units_is_refused(tmp_path: Path) -> None:
 # Seeded faults in the text of real programs
 
 
-JOBS = {"bracket": 20, "leaf": 14, "plate": 18}
-"""Demo jobs, and how many seeds each gets."""
+JOBS = {"bracket": range(19), "leaf": range(0, 19, 2), "plate": range(1, 19, 2)}
+"""Demo jobs, and the seeds that each gets: all kinds of changes, and half of them twice."""
 
 
 @cache
@@ -444,8 +444,8 @@ MUTATIONS = (
     plunge,
     sign,
 )
-STATE = {spindle_stops, no_spindle}
-"""Harmful whatever the geometry."""
+ALWAYS = {wrong_depth, lower_all, raise_all, shift_all, spindle_stops, no_spindle, inches}
+"""Harmful wherever they strike; the others may strike air or area that is cleared already."""
 
 
 def mutated(text: str, name: str, seed: int) -> tuple[str, Callable[..., None]]:
@@ -486,7 +486,7 @@ def test_harmful_changes_to_demo_programs_are_caught(name: str, programs: Path) 
     drawings = read_drawings(job)
     assert judge(job, drawings, read_program(text)).ok
     caught = 0
-    for seed in range(JOBS[name]):
+    for seed in JOBS[name]:
         changed, mutation = mutated(text, name, seed)
         assert changed != text
         try:
@@ -495,9 +495,9 @@ def test_harmful_changes_to_demo_programs_are_caught(name: str, programs: Path) 
             good = False
         caught += not good
         if good:
-            assert mutation not in STATE
+            assert mutation not in ALWAYS
             assert not _harmful(name, changed), (mutation.__name__, seed)
-    assert caught >= 0.8 * JOBS[name]
+    assert caught > len(JOBS[name]) / 2
 
 
 def test_a_changed_program_is_refused_by_its_file_too(tmp_path: Path, programs: Path) -> None:

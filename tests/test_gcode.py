@@ -453,7 +453,7 @@ def test_z_is_unknown_after_a_change_of_tool_length() -> None:
     assert np.isnan(path.start[2])
     assert path.end[:, 0].tolist() == [0, 1, 2]
     blind = read_program(AT_START + "G43 H1 Z9\nG1 X1\nG49\nG0 Z20").findings
-    assert blind == ("line 8: Z is not known after the tool length is cancelled",)
+    assert blind == ("line 9: Z is not known after the tool length is cancelled",)
 
 
 def test_feeds_by_time_and_by_turn() -> None:

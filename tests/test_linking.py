@@ -127,7 +127,7 @@ def corner_ring(angle: float) -> Path:
     return Path(points, np.full((4, 2), np.nan), np.zeros(4))
 
 
-@settings(deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.floats(0.3, 2.8), st.floats(0.1, 3.0), st.floats(0.05, 1.0))
 def test_rounded_corners_move_by_no_more_than_allowed(
     angle: float, radius: float, most: float
@@ -135,7 +135,7 @@ def test_rounded_corners_move_by_no_more_than_allowed(
     ring = corner_ring(angle)
     made = rounded([ring], radius, most)[0]
     assert made.closed
-    inner = shapely.Polygon(made.sample(0.01)[0])
+    inner = shapely.Polygon(made.sample(0.1)[0])
     outer = shapely.Polygon(ring.points)
     assert inner.difference(outer).area <= 1e-9
     for corner in ring.points[:-1]:

@@ -310,7 +310,7 @@ def test_plain_language_frame() -> None:
     assert " TOOL CALL 2 Z S18000\n" in text and " TOOL CALL S20000\n" in text
     for line in lines:
         words = re.findall(r" (?:X|Y|Z|IPA)(\S+)", line)
-        assert all(re.fullmatch(r"[-+]\d+\.\d{3,5}", word) for word in words), line
+        assert all(re.fullmatch(r"[-+]\d+\.\d{3,4}", word) for word in words), line
         assert not re.search(r" F\d+\.", line), "feeds are whole numbers"
         if " CC " not in line and re.search(r" (C|CP) ", line):
             assert re.search(r"DR[-+]( F\d+)?$", line)
@@ -329,7 +329,7 @@ def test_angles_of_helices_do_not_add_up() -> None:
     builder.line(x, y, 0, 300)
     for _ in range(400):
         radius, begin = generator.uniform(0.5, 30), generator.uniform(-np.pi, np.pi)
-        sweep = generator.uniform(0.2, 5.5) * generator.choice((-1, 1))
+        sweep = generator.uniform(0.2, 4.1) * generator.choice((-1, 1))
         centre = (x - radius * np.cos(begin), y - radius * np.sin(begin))
         x = centre[0] + radius * np.cos(begin + sweep)
         y = centre[1] + radius * np.sin(begin + sweep)
@@ -354,7 +354,8 @@ def test_angles_of_helices_do_not_add_up() -> None:
         elif "X" in words:
             position = np.array([words["X"], words["Y"]])
     assert np.isfinite(turned).all()
-    assert worst <= TOLERANCE
+    # Half a unit of rounded ends, the centre's finer grid, half a unit of the angle's 4 decimals.
+    assert worst <= 0.0005 + 0.1 * np.sqrt(2) * 0.001 + np.radians(0.5e-4) * 30
 
 
 # From the job to the files

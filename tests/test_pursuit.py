@@ -1,4 +1,4 @@
-"""Laws of cuts at constant engagement: the way in closed form is that of its differential equation."""
+"""Laws of cuts at constant engagement: the closed form is that of its differential equation."""
 
 from __future__ import annotations
 
@@ -68,9 +68,7 @@ def test_way_solves_the_differential_equation(
 
 
 @settings(max_examples=30, deadline=None)
-@given(
-    seed=st.integers(0, 10**6), bearing=st.floats(-2.0, 0.5), share=st.floats(0.05, 0.95)
-)
+@given(seed=st.integers(0, 10**6), bearing=st.floats(-2.0, 0.5), share=st.floats(0.05, 0.95))
 def test_more_points_on_the_same_front_change_nothing(
     seed: int, bearing: float, share: float
 ) -> None:

@@ -10,12 +10,13 @@ import sys
 import time
 from collections.abc import Sequence
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 
 from grassfire.gcode import read_program
 from grassfire.post import Post, find_posts, load_post, render, split_by_tool
-from grassfire.toolpath import Program
+from grassfire.toolpath import Program, Toolpath
 from roundtrip import CLEARANCE, TOLERANCE, Deviation, check, joined, programs
 
 POSTS = tuple(find_posts())
@@ -25,6 +26,16 @@ EXAMPLES = 15
 def units_of(post: Post) -> tuple[float, float]:
     """Units of the last decimals of coordinates and feeds, mm and mm/min."""
     return 10.0**-post.decimals, 10.0**-post.numbers.feed_decimals
+
+
+def slack_of(path: Toolpath, unit: float) -> float:
+    """How far beside its end a helix may lead that is told by centre and angle, mm.
+
+    The centre lies on a grid of a tenth of the unit, at most sqrt(2)/2 of that from where both
+    radii are equal, which makes them differ by up to twice as much. Angles have 4 decimals.
+    """
+    radius = np.hypot(*(path.begin[:, :2] - path.centre).T)
+    return float(0.1 * np.sqrt(2) * unit + np.radians(0.5e-4) * np.nanmax(radius, initial=0.0))
 
 
 def check_post(name: str, program: Program, found: Deviation) -> None:
@@ -43,8 +54,7 @@ def check_post(name: str, program: Program, found: Deviation) -> None:
             assert own[0].coolant == section.coolant
             assert own[0].name.upper() == section.name.upper()
             back = joined(read, section.operation)
-            # Ends of polar arcs are told by an angle.
-            slack = 0.0025 if name == "heidenhain" else 0.0
+            slack = slack_of(section.toolpath, unit) if name == "heidenhain" else 0.0
             check(section.toolpath, back, unit, feed_unit, found, slack)
 
 

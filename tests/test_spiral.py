@@ -84,7 +84,6 @@ def settings_of(**changes: float | bool | str) -> ClearingSettings:
         "slope": np.radians(3.0),
         "drop": 2.5,
         "climb": True,
-        "both_ways": False,
         "finish": True,
         "fast_links": False,
         "longest_walk": 40.0,

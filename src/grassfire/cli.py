@@ -286,9 +286,12 @@ def preview(
     from grassfire.app import preview as draw
 
     target = Path(file.with_suffix(".svg").name) if svg_out is None else svg_out
+    notes: list[str] = []
     with _progress() as progress:
-        picture = draw(file, job, progress)
+        picture = draw(file, job, progress, notes)
     _save(target, picture)
+    for note in notes:
+        typer.echo(f"{file}: note: {note}", err=True)
     if str(target) != "-":
         typer.echo(str(target))
     return 0

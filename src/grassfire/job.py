@@ -219,9 +219,7 @@ class Operation(_Settings):
     stepdown: PositiveLength = Field(default=0.0, description="most per pass; default: depth")
     stepover: float | None = Field(None, gt=0, le=1, description="fraction of the diameter")
     engagement_angle: float | None = Field(None, gt=0, le=180, description="degrees")
-    direction: Literal["climb", "conventional", "both"] = Field(
-        "climb", description="both: cuts run either way where that saves return moves (adaptive)"
-    )
+    direction: Literal["climb", "conventional"] = "climb"
     radial_allowance: NonNegativeLength = 0.0
     axial_allowance: NonNegativeLength = 0.0
     entry: Literal["helix", "ramp", "plunge"] = "helix"
@@ -229,6 +227,9 @@ class Operation(_Settings):
     finish_pass: bool = True
     layers: tuple[str, ...] = Field((), description="glob patterns; empty: those of [input]")
     link_feed: Speed | None = None
+    minimum_path_radius: float = Field(
+        0.1, ge=0, le=0.5, description="of the turns of a spiral, fraction of the diameter"
+    )
     link_lift: NonNegativeLength = Field(
         default=0.0, description="rise of links through cleared area above the floor"
     )
@@ -237,9 +238,6 @@ class Operation(_Settings):
     )
     chip_thinning: bool = Field(
         False, description="faster cuts where the engagement is below 90 degrees throughout"
-    )
-    minimum_path_radius: float = Field(
-        0.1, ge=0, le=0.5, description="of cuts in stock, fraction of the diameter"
     )
     name: str = ""
 
@@ -264,8 +262,11 @@ class Operation(_Settings):
             _conflict("engagement_angle", "contradicts stepover; give one of the two")
         if self.stepover is None and self.engagement_angle is None:
             _conflict("stepover", "is missing; give stepover or engagement_angle")
-        if self.direction == "both" and self.strategy != "adaptive":
-            _conflict("direction", 'can be "both" for strategy "adaptive" only')
+        if self.strategy == "adaptive" and self.entry != "helix":
+            _conflict(
+                "entry",
+                f"{self.entry!r} would begin with a slot; strategy 'adaptive' enters by helix",
+            )
         if self.chip_thinning and self.strategy not in STEADY_STRATEGIES:
             _conflict(
                 "chip_thinning",

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from xml.sax.saxutils import escape
+from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,7 +101,7 @@ class _Canvas:
     def text(self, x: float, y: float, words: str, size: float = 12, extra: str = "") -> None:
         self.elements.append(
             f'<text x="{_number(x, 1)}" y="{_number(y, 1)}" font-size="{_number(size)}" '
-            f'fill="{_INK}"{" " + extra if extra else ""}>{escape(words)}</text>'
+            f'fill="{_INK}"{" " + extra if extra else ""}>{escape(words, quote=False)}</text>'
         )
 
     def render(self, title: str, legend_height: float) -> str:
@@ -119,7 +119,13 @@ class _Canvas:
             f'width="{_number(drawn, 2)}" height="{_number(self.drawing_height, 2)}"/></clipPath>'
         )
         back = f'{frame}<rect width="100%" height="100%" fill="{_PAPER}"/>'
-        lines = [head, f"<title>{escape(title)}</title>", back, *self.elements, "</svg>"]
+        lines = [
+            head,
+            f"<title>{escape(title, quote=False)}</title>",
+            back,
+            *self.elements,
+            "</svg>",
+        ]
         return "\n".join(lines) + "\n"
 
 

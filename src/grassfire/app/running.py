@@ -276,22 +276,34 @@ def _read_program_file(path: Path) -> Program:
 
 
 def _decoded(data: bytes, source: str) -> str:
-    """Text of a program: UTF-8, UTF-16 by its mark, else one character a byte.
+    """Text of a program: UTF-8 (marked or not), UTF-16 by its mark, else one character a byte.
 
     Only comments may hold anything but ASCII, so the last choice cannot change a word of code.
     """
-    try:
-        if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        try:
             return data.decode("utf-16")
-        if b"\0" in data:
-            raise InputError("the program is not text", source=source)
-        return data.decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise InputError(
+                "the program is cut off in the middle of a character",
+                source=source,
+                remedy="save it again as plain text",
+            ) from error
+    if b"\0" in data:
+        raise InputError(
+            "the program is not text", source=source, remedy="save it as plain text (UTF-8)"
+        )
+    try:
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError:
         return data.decode("latin-1")
 
 
 def preview(
-    path: str | Path, job_path: str | Path | None = None, progress: Progress | None = None
+    path: str | Path,
+    job_path: str | Path | None = None,
+    progress: Progress | None = None,
+    notes: list[str] | None = None,
 ) -> str:
     """SVG of a job (planned, written and read back, not judged) or of a program.
 
@@ -301,6 +313,10 @@ def preview(
         A job file, known by its ending ``.toml``, or a program.
     job_path : str or Path, optional
         With a program: the job whose pocket walls are drawn with it.
+    progress : callable, optional
+        Called with the name of each stage when it begins.
+    notes : list of str, optional
+        Gets what was read otherwise than every controller would, each with its line.
     """
     from grassfire.job import load_job
     from grassfire.preview import svg
@@ -311,4 +327,7 @@ def preview(
         emitted = emit(load_job(path), watch)
         return svg(emitted.program, drawing_walls(emitted.drawings), title=emitted.job.name)
     drawings = () if job_path is None else read_drawings(load_job(job_path))
-    return svg(_read_program_file(path), drawing_walls(drawings), title=path.name)
+    program = _read_program_file(path)
+    if notes is not None:
+        notes.extend(program.findings)
+    return svg(program, drawing_walls(drawings), title=path.name)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import interpolate, sparse
-from scipy.sparse.linalg import splu
 
 from grassfire.geometry.bspline import BSpline
 from grassfire.geometry.curve import FloatArray, dot
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 DEGREE = 3
 FEWEST_PERIODIC = 8
@@ -162,6 +164,8 @@ def _knots(task: _Task) -> FloatArray:
 
 def _fit(task: _Task) -> Spline | None:
     """Return the penalised least-squares spline, its parameters corrected twice to the feet."""
+    from scipy import interpolate, sparse
+
     knots, parameter = _knots(task), task.parameter
     count = len(knots) - DEGREE - 1
     fair = _third_derivative(knots, count)
@@ -196,6 +200,8 @@ def _feet(
     knots: FloatArray, control: FloatArray, points: FloatArray, start: FloatArray, closed: bool
 ) -> FloatArray:
     """Return the parameters (m,) of the points' feet next to `start`; ends stay."""
+    from scipy import interpolate
+
     curve = interpolate.BSpline(knots, control, DEGREE)
     first, second = curve.derivative(1), curve.derivative(2)
     parameter = start.copy()
@@ -216,6 +222,8 @@ def _feet(
 
 def _third_derivative(knots: FloatArray, count: int) -> sparse.csr_matrix:
     """Return the map from control points to third derivatives, weighted by span^3, per span."""
+    from scipy import sparse
+
     operator = sparse.eye(count, format="csr")
     for level in range(DEGREE):
         degree, rows = DEGREE - level, count - level - 1
@@ -235,6 +243,9 @@ def _solve(
     freedom: tuple[FloatArray, sparse.csr_matrix],
 ) -> FloatArray | None:
     """Return control points (k, 2), None if an end would run backwards."""
+    from scipy import sparse
+    from scipy.sparse.linalg import splu
+
     count = square.shape[0]
     fixed, free = freedom
     both = sparse.block_diag([square, square], format="csr")
@@ -260,6 +271,8 @@ def _freedom(task: _Task, count: int) -> tuple[FloatArray, sparse.csr_matrix]:
     The last of the free numbers are how far the second and the last but one control points lie
     along the end tangents, where there are any.
     """
+    from scipy import sparse
+
     fixed = np.zeros((2, count))
     if task.closed:
         period = count - DEGREE

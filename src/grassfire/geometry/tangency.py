@@ -13,13 +13,15 @@ circles |c1 - c2| = |radius1 - radius2|: both run the same way through the point
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from grassfire.geometry.curve import FloatArray, cross, dot
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 STEPS = 25
 DENSE = 150
@@ -263,6 +265,8 @@ def _step(
             system = _dense_system(starts, blocks, trace, constraints)
             step = np.linalg.solve(system, right)[:total]
         else:
+            from scipy.sparse.linalg import splu
+
             sparse_system = _sparse_system(total, blocks, trace, constraints)
             step = splu(sparse_system).solve(right)[:total]
     except (RuntimeError, np.linalg.LinAlgError):
@@ -289,6 +293,8 @@ def _dense_system(
 def _sparse_system(
     total: int, blocks: list[FloatArray], trace: float, constraints: _Rows
 ) -> sparse.csc_matrix:
+    from scipy import sparse
+
     count = len(constraints.value)
     square = sparse.block_diag(blocks) + trace * sparse.eye(total)
     if not count:

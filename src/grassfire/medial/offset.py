@@ -8,6 +8,7 @@ ends in r = d, closes the offset loops; lines stay lines and arcs stay arcs.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,12 +18,17 @@ from scipy.sparse.csgraph import connected_components
 
 from grassfire.errors import GeometryError
 from grassfire.geometry import Arc, Curve, Line, Loop, ParallelCurve
+from grassfire.medial import recover
 from grassfire.medial.edges import evaluate_span
 from grassfire.medial.nodes import WHOLE
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind
 
 if TYPE_CHECKING:
     from grassfire.medial.axis import MedialAxis
+
+_MOST_HALVINGS = 60
+_STILL = 1e-14
+"""Change of a fraction that ends the search for a crossing."""
 
 
 @dataclass(frozen=True)
@@ -92,11 +98,14 @@ def offset_tree(axis: MedialAxis, distances: FloatArray) -> tuple[OffsetNode, ..
     nodes: list[OffsetNode] = []
     previous: tuple[Stretches, IntArray, IntArray] | None = None
     offset = 0
+    settled_distances = [settled(axis, float(distance)) for distance in distances]
+    kept = walker.stretches_at(settled_distances)
+    feet = walker.feet(kept)
     for level, distance in enumerate(distances):
-        effective = settled(axis, float(distance))
-        stretches = walker.stretches(effective)
+        effective, stretches = settled_distances[level], kept[level]
         component, vertex_component = walker.components(stretches, effective)
-        found = walker.loops(stretches, component, vertex_component, effective)
+        items = _BoundaryItems(walker, stretches, vertex_component, feet[level])
+        found = walker.loops(items, component, vertex_component, effective)
         base = len(nodes)
         order: dict[int, int] = {}
         for label, loops in found:
@@ -217,9 +226,27 @@ class Walker:
 
     def stretches(self, distance: float) -> Stretches:
         """Where r >= distance on every piece."""
-        from_in, to_in = self.part_low >= distance, self.part_high >= distance
-        crossing = np.flatnonzero(from_in != to_in)
-        place = self._cross(crossing, distance)
+        return self.stretches_at([distance])[0]
+
+    def stretches_at(self, distances: Sequence[float]) -> list[Stretches]:
+        """Where r >= distance on every piece, for each of some distances."""
+        kept = [(self.part_low >= least, self.part_high >= least) for least in distances]
+        crossing = [np.flatnonzero(from_in != to_in) for from_in, to_in in kept]
+        count = [len(part) for part in crossing]
+        place = self._cross(
+            np.concatenate([np.zeros(0, dtype=np.int64), *crossing]),
+            np.repeat(np.asarray(distances, dtype=np.float64), count),
+        )
+        places = np.split(place, np.cumsum(count)[:-1])
+        return [
+            self._stretches(from_in, to_in, part, where)
+            for (from_in, to_in), part, where in zip(kept, crossing, places, strict=True)
+        ]
+
+    def _stretches(
+        self, from_in: BoolArray, to_in: BoolArray, crossing: IntArray, place: FloatArray
+    ) -> Stretches:
+        """The parts that are wide enough at either end, cut at `place` where they cross."""
         start, end = self.part_start.copy(), self.part_end.copy()
         cut_start = np.zeros(len(start), dtype=bool)
         cut_end = np.zeros(len(start), dtype=bool)
@@ -239,28 +266,41 @@ class Walker:
             end, cut_end = end[tail], cut_end[tail]
         return Stretches(row, start, end, cut_start, cut_end)
 
-    def _cross(self, part: IntArray, distance: float) -> FloatArray:
-        """Fractions where r = distance on monotone parts: bisection, then secant on exact disks."""
-        row = self.part_row[part]
-        left, right = self.part_start[part].copy(), self.part_end[part].copy()
-        rising = self.part_high[part] > self.part_low[part]
-        for _ in range(45):
-            middle = 0.5 * (left + right)
-            above = self.axis.disks(row, middle)[:, 2] >= distance
-            go_left = above == rising
-            right = np.where(go_left, middle, right)
-            left = np.where(go_left, left, middle)
-        place = 0.5 * (left + right)
-        return self._polish(part, place, distance)
+    def _cross(self, part: IntArray, distance: FloatArray) -> FloatArray:
+        """Fractions where r = distance on monotone parts: on their polynomials, then exactly.
 
-    def _polish(self, part: IntArray, place: FloatArray, distance: float) -> FloatArray:
-        axis = self.axis
-        row = self.part_row[part]
-        low, high = self.part_start[part], self.part_end[part]
-        step = 1e-6
-        ahead, behind = np.minimum(place + step, 1.0), np.maximum(place - step, 0.0)
-        rise = axis.disks(row, ahead)[:, 2] - axis.disks(row, behind)[:, 2]
-        slope = rise / np.maximum(ahead - behind, 1e-300)
+        Newton's method within brackets, which are halved where it would leave them or where it
+        gains less than that.
+        """
+        row, rising = self.part_row[part], self.part_high[part] > self.part_low[part]
+        left, right = self.part_start[part].copy(), self.part_end[part].copy()
+        place, slope = 0.5 * (left + right), np.zeros(len(part))
+        moved = right - left
+        active = np.arange(len(part))
+        for _ in range(_MOST_HALVINGS):
+            if not len(active):
+                break
+            here = place[active]
+            disks, growth = recover.jets(self.axis.fit, row[active], here, 1)
+            excess, slope[active] = disks[:, 2] - distance[active], growth[:, 2]
+            beyond = (excess >= 0) == rising[active]
+            low = np.where(beyond, left[active], here)
+            high = np.where(beyond, here, right[active])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                new = here - excess / growth[:, 2]
+            halved = 0.5 * (low + high)
+            slow = np.abs(new - here) > 0.5 * moved[active]
+            new = np.where((new >= low) & (new <= high) & ~slow, new, halved)
+            left[active], right[active], place[active] = low, high, new
+            moved[active] = np.abs(new - here)
+            active = active[moved[active] > _STILL]
+        return self._polish(part, place, slope, distance)
+
+    def _polish(
+        self, part: IntArray, place: FloatArray, slope: FloatArray, distance: FloatArray
+    ) -> FloatArray:
+        """Places on the polynomials moved to where the exact disks have the radius."""
+        row, low, high = self.part_row[part], self.part_start[part], self.part_end[part]
         for _ in range(3):
             radius = self.exact(row, place)[0][:, 2]
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -325,84 +365,115 @@ class Walker:
 
     # -- loops ------------------------------------------------------------------------------------
 
+    def feet(self, kept: Sequence[Stretches]) -> list[FloatArray]:
+        """(k, 2) contacts on the far side at both ends of stretches, for each distance."""
+        row = np.concatenate([np.zeros(0, dtype=np.int64), *(item.row for item in kept)])
+        ends = [np.stack([item.start, item.end], axis=1) for item in kept]
+        span = self.axis.span.take(row)
+        facing = evaluate_span(self.sites, span, np.concatenate([np.zeros((0, 2)), *ends]))[1]
+        return np.split(facing, np.cumsum([len(item.row) for item in kept])[:-1])
+
     def loops(
         self,
-        stretches: Stretches,
+        items: _BoundaryItems,
         component: IntArray,
         vertex_component: IntArray,
         distance: float,
     ) -> list[tuple[int, tuple[Loop, ...]]]:
         """Closed offset loops by component, the outer loop first."""
-        items = _BoundaryItems(self, stretches, vertex_component)
-        visited = np.zeros(len(items.interval), dtype=bool)
+        walks = items.walks()
+        if not walks:
+            return []
+        order = np.concatenate([np.array(walk) for walk in walks])
+        number = np.repeat(np.arange(len(walks)), [len(walk) for walk in walks])
+        site, start, end, number = joined_runs(
+            items.site[order], items.start[order], items.end[order], number
+        )
+        curves: list[list[Curve]] = [[] for _ in walks]
+        made = self.curves(site, start, end, distance)
+        for index, curve in zip(number.tolist(), made, strict=True):
+            if curve is not None:
+                curves[index].append(curve)
         found: dict[int, list[Loop]] = {}
-        for begin in range(len(items.interval)):
-            if visited[begin]:
-                continue
-            walk = []
-            item = begin
-            while not visited[item]:
-                visited[item] = True
-                walk.append(item)
-                item = items.following[item]
-            curves = self._curves(items, walk, distance)
-            if curves:
-                label = items.component(begin, component, vertex_component)
-                found.setdefault(label, []).append(closed_loop(curves, self.sites.size))
-        result = []
-        for label, loops in found.items():
-            ordered = sorted(loops, key=lambda loop: -loop.area)
-            result.append((label, tuple(ordered)))
+        for walk, own in zip(walks, curves, strict=True):
+            if own:
+                label = items.component(walk[0], component, vertex_component)
+                found.setdefault(label, []).append(closed_loop(own, self.sites.size))
+        return [
+            (label, tuple(sorted(loops, key=lambda loop: -loop.area)))
+            for label, loops in found.items()
+        ]
+
+    def curves(
+        self, site: IntArray, start: FloatArray, end: FloatArray, distance: float
+    ) -> list[Curve | None]:
+        """Offsets of parts of sites, None where they have no length to speak of."""
+        kind = self.sites.kind[site]
+        result: list[Curve | None] = [None] * len(site)
+        rows = np.flatnonzero(kind == SiteKind.LINE)
+        if len(rows):
+            head, tail = self._lines(site[rows], start[rows], end[rows], distance)
+            gap = tail - head
+            long = np.flatnonzero(np.hypot(gap[:, 0], gap[:, 1]) > 1e-9 * self.sites.size)
+            for index in long.tolist():
+                result[rows[index]] = Line(head[index], tail[index])
+        rows = np.flatnonzero((kind == SiteKind.ARC) | (kind == SiteKind.POINT))
+        if len(rows):
+            centre, radius, angle, sweep = self._arcs(site[rows], start[rows], end[rows], distance)
+            long = np.flatnonzero(radius * np.abs(sweep) > 1e-9 * self.sites.size)
+            table = zip(rows[long].tolist(), centre[long], radius[long].tolist(),
+                        angle[long].tolist(), sweep[long].tolist(), strict=True)  # fmt: skip
+            for index, *values in table:
+                result[index] = Arc(*values)
+        rows = np.flatnonzero((kind == SiteKind.SPIRAL) & (end - start > 1e-12))
+        for index in rows.tolist():
+            base = self.axis.beziers[int(self.sites.bezier[site[index]])]
+            part = float(start[index]), float(end[index])
+            if distance == 0:
+                result[index] = base.subcurve(*part)
+            else:
+                result[index] = ParallelCurve(base, distance, *part)
         return result
 
-    def _curves(self, items: _BoundaryItems, walk: list[int], distance: float) -> list[Curve]:
-        """Offset curves of a walk; neighbours on one site are one curve."""
-        runs = [(int(items.site[k]), float(items.start[k]), float(items.end[k])) for k in walk]
-        curves = [self.curve(*run, distance) for run in joined_runs(runs, cyclic=True)]
-        return [curve for curve in curves if curve is not None]
+    def _lines(
+        self, site: IntArray, start: FloatArray, end: FloatArray, distance: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Ends (n, 2) of offsets of lines."""
+        direction = self.sites.extent[site]
+        across = np.stack([-direction[:, 1], direction[:, 0]], axis=1)
+        across *= (distance / np.hypot(direction[:, 0], direction[:, 1]))[:, None]
+        anchor = self.sites.anchor[site] + self.sites.origin
+        return (
+            anchor + start[:, None] * direction + across,
+            anchor + end[:, None] * direction + across,
+        )
 
-    def curve(self, site: int, start: float, end: float, distance: float) -> Curve | None:
-        """Offset of a part of a site, None where it has no length to speak of."""
+    def _arcs(
+        self, site: IntArray, start: FloatArray, end: FloatArray, distance: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Centres (n, 2), radii, first angles and sweeps (n,) of offsets of arcs and points."""
         sites = self.sites
-        kind = sites.kind[site]
-        least = 1e-9 * sites.size
-        origin = sites.origin
-        if kind == SiteKind.SPIRAL:
-            if end - start <= 1e-12:
-                return None
-            base = self.axis.beziers[int(sites.bezier[site])]
-            if distance == 0:
-                return base.subcurve(float(start), float(end))
-            return ParallelCurve(base, distance, float(start), float(end))
-        if kind == SiteKind.LINE:
-            anchor, direction = sites.anchor[site] + origin, sites.extent[site]
-            across = np.array([-direction[1], direction[0]]) / np.hypot(*direction)
-            points = anchor + np.outer((start, end), direction) + distance * across
-            if np.hypot(*(points[1] - points[0])) <= least:
-                return None
-            return Line(points[0], points[1])
-        first, turn = sites.extent[site]
-        if kind == SiteKind.POINT:
-            radius, centre = distance, sites.anchor[site] + origin
-            angle, sweep = first + start * turn, (end - start) * turn
-        else:
-            radius = sites.radius[site] - np.sign(turn) * distance
-            centre = sites.anchor[site] + origin
-            angle, sweep = first + start * turn, (end - start) * turn
-        if radius * abs(sweep) <= least:
-            return None
-        return Arc(centre, float(radius), float(angle), float(sweep))
+        first, turn = sites.extent[site].T
+        point = sites.kind[site] == SiteKind.POINT
+        radius = np.where(point, distance, sites.radius[site] - np.sign(turn) * distance)
+        centre = sites.anchor[site] + sites.origin
+        return centre, radius, first + start * turn, (end - start) * turn
 
 
 class _BoundaryItems:
     """Kept stretches as seen from the boundary, in boundary order, and their successors."""
 
-    def __init__(self, walker: Walker, stretches: Stretches, vertex_component: IntArray) -> None:
+    def __init__(
+        self,
+        walker: Walker,
+        stretches: Stretches,
+        vertex_component: IntArray,
+        feet: FloatArray,
+    ) -> None:
         span = walker.axis.span
         row = stretches.row
         count = len(row)
-        _, facing_start = walker.exact(row, stretches.start)
-        _, facing_end = walker.exact(row, stretches.end)
+        facing_start, facing_end = feet.T
         length = span.end[row] - span.start[row]
         own_start = span.start[row] + length * stretches.start
         own_end = np.where(
@@ -439,6 +510,22 @@ class _BoundaryItems:
             place = walker.sites.point(rows, np.array([self.end[item]]))[0] + walker.sites.origin
             raise GeometryError("an offset does not close", place=tuple(place))
 
+    def walks(self) -> list[list[int]]:
+        """Items in the order of the closed walks through them, by their first items."""
+        following = self.following.tolist()
+        visited = [False] * len(following)
+        walks = []
+        for begin in range(len(following)):
+            walk = []
+            item = begin
+            while not visited[item]:
+                visited[item] = True
+                walk.append(item)
+                item = following[item]
+            if walk:
+                walks.append(walk)
+        return walks
+
     def component(self, item: int, component: IntArray, vertex_component: IntArray) -> int:
         """Component of an item."""
         if self.stretch[item] >= 0:
@@ -447,31 +534,40 @@ class _BoundaryItems:
 
 
 def joined_runs(
-    runs: list[tuple[int, float, float]], cyclic: bool
-) -> list[tuple[int, float, float]]:
-    """Runs (site, start, end) that follow each other on one site made one."""
-    result: list[tuple[int, float, float]] = []
-    for site, start, end in runs:
-        if result and result[-1][0] == site and result[-1][2] <= start <= result[-1][2] + 1e-9:
-            result[-1] = (site, result[-1][1], end)
-        else:
-            result.append((site, start, end))
-    if cyclic and len(result) > 1 and result[0][0] == result[-1][0]:
-        site, start, end = result[-1]
-        if end <= result[0][1] <= end + 1e-9:
-            result[0] = (site, start, result[0][2])
-            result.pop()
-    return result
+    site: IntArray, start: FloatArray, end: FloatArray, walk: IntArray, cyclic: bool = True
+) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
+    """Runs from `start` to `end` that follow each other on one site of one walk made one.
+
+    Rows are by walk, and in the order of travel; the last of a walk comes before its first where
+    it is `cyclic`.
+    """
+    if not len(site):
+        return site, start, end, walk
+    joined = (site[1:] == site[:-1]) & (walk[1:] == walk[:-1])
+    joined &= (end[:-1] <= start[1:]) & (start[1:] <= end[:-1] + 1e-9)
+    head = np.flatnonzero(np.concatenate([[True], ~joined]))
+    tail = np.flatnonzero(np.concatenate([~joined, [True]]))
+    site, start, end, walk = site[head], start[head], end[tail], walk[head]
+    if not cyclic:
+        return site, start, end, walk
+    first = np.flatnonzero(np.concatenate([[True], walk[1:] != walk[:-1]]))
+    last = np.append(first[1:], len(walk)) - 1
+    over = (first < last) & (site[first] == site[last])
+    over &= (end[last] <= start[first]) & (start[first] <= end[last] + 1e-9)
+    start[first[over]] = start[last[over]]
+    keep = np.ones(len(walk), dtype=bool)
+    keep[last[over]] = False
+    return site[keep], start[keep], end[keep], walk[keep]
 
 
 def closed_loop(curves: list[Curve], size: float) -> Loop:
     """A loop of curves whose ends agree to rounding; short lines bridge what does not."""
-    extent = float(np.max(np.ptp([curve.start for curve in curves], axis=0)))
+    starts = np.array([curve.start for curve in curves])
+    ends = np.array([curve.end for curve in curves])
+    extent = float(np.max(np.ptp(starts, axis=0)))
     least = 5e-10 * (min(size, extent) if len(curves) > 1 else size)
-    closed: list[Curve] = []
-    for curve, following in zip(curves, [*curves[1:], curves[0]], strict=True):
-        closed.append(curve)
-        end, start = np.asarray(curve.end), np.asarray(following.start)
-        if np.hypot(*(start - end)) > least:
-            closed.append(Line(end, start))
+    gap = np.roll(starts, -1, axis=0) - ends
+    closed = list(curves)
+    for index in np.flatnonzero(np.hypot(gap[:, 0], gap[:, 1]) > least)[::-1].tolist():
+        closed.insert(index + 1, Line(ends[index], starts[(index + 1) % len(curves)]))
     return Loop(tuple(closed))

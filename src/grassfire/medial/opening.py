@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -361,6 +360,8 @@ class _Tracer:
 
     def _links(self) -> dict[int, int]:
         """Successor of the covered wall's ends and of arcs, the opening on the left."""
+        from scipy.optimize import linear_sum_assignment
+
         arcs, cuts = self.arcs, self.cuts
         number = self.count + np.arange(len(arcs.cut))
         begins = arcs.low == 0
@@ -451,21 +452,18 @@ class _Tracer:
         if arcs:
             walk = walk[arcs[0] :] + walk[: arcs[0]]
         curves: list[Curve | None] = []
-        runs: list[tuple[int, float, float]] = []
+        rows: list[int] = []
         items = self.items
         for element in [*walk, -1]:
             if 0 <= element < self.count:
-                runs.append(
-                    (
-                        int(items.site[element]),
-                        float(items.start[element]),
-                        float(items.end[element]),
-                    )
-                )
+                rows.append(element)
                 continue
-            joined = joined_runs(runs, cyclic=not arcs)
-            curves.extend(self.walker.curve(*run, 0.0) for run in joined)
-            runs = []
+            run = np.array(rows, dtype=np.int64)
+            joined = joined_runs(
+                items.site[run], items.start[run], items.end[run], np.zeros_like(run), not arcs
+            )
+            curves.extend(self.walker.curves(*joined[:3], 0.0))
+            rows = []
             if element >= 0:
                 curves.append(self._arc(element - self.count, forward))
         return [curve for curve in curves if curve is not None]

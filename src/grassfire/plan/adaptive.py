@@ -28,13 +28,22 @@ from grassfire.plan.fronts import (
     swept_edge,
 )
 from grassfire.plan.link import straight
+from grassfire.plan.offset import offset_pockets
 from grassfire.plan.path import Path
 from grassfire.plan.pursuit import unit
 from grassfire.plan.returns import Returns
 from grassfire.plan.rings import Component, components
 from grassfire.plan.strategy import ClearingSettings, PocketPlan
 from grassfire.plan.strokes import Stroke, StrokeKind
-from grassfire.plan.tracing import FIRST_BITE, SAMPLING, Piece, Start, Tracer, start_of
+from grassfire.plan.tracing import (
+    FIRST_BITE,
+    SAMPLING,
+    Piece,
+    Start,
+    Tracer,
+    direction,
+    start_of,
+)
 from grassfire.plan.wallpass import wall_pass
 from grassfire.plan.walls import Walls
 from grassfire.report import Finding, Severity
@@ -45,6 +54,9 @@ LEAST_HELIX = 0.1
 
 LIGHT = 0.28
 """Part of a pass that the flat lap at the foot of the helix may take in depth."""
+
+LANDINGS = 40
+"""Cleared places that are tried for coming down near the start of a cut."""
 
 LINK_TRIES = 3
 """Fronts that are tried before the tool is retracted."""
@@ -64,20 +76,31 @@ def adaptive_pockets(
     )
     pockets: list[PocketPlan] = []
     findings: list[Finding] = []
+    slots: list[Component] = []
     for part in parts:
         if part.peak_radius - settings.wall >= LEAST_HELIX * settings.tool_radius:
             pockets.append(AdaptivePocket(axis, part, settings))
         else:
             findings.append(_slot(part))
+            slots.append(part)
+    if slots:
+        others, noticed = offset_pockets(axis, settings)
+        places = np.array([part.peak for part in slots])
+        pockets += [
+            pocket
+            for pocket in others
+            if np.min(np.hypot(*(places - pocket.peak).T)) < settings.tolerance
+        ]
+        findings += noticed
     return pockets, findings
 
 
 def _slot(part: Component) -> Finding:
     return Finding(
         Severity.WARNING,
-        "slot-left",
-        "a place hardly wider than the tool can only be cut in full width and is left; strategy "
-        "offset or a smaller tool machines it",
+        "full-width",
+        "a place hardly wider than the tool is cut in full width, past the engagement limit; a "
+        "smaller tool keeps to it",
         place=(float(part.peak[0]), float(part.peak[1])),
         size=2 * part.peak_radius,
     )
@@ -160,7 +183,8 @@ class AdaptivePocket:
         gaps = [float(np.hypot(*(start.point - place))) for start in starts]
         index, link = self._best(place, heading, starts, gaps)
         front, start = self._fronts[index], starts[index]
-        pieces = self._tracer.cut(front, start)
+        remaining = self._fronts[:index] + self._fronts[index + 1 :]
+        pieces = self._tracer.cut(front, start, remaining)
         if sum(len(piece.points) for piece in pieces) < 2:
             # nothing to cut that a sample tells from nothing: the wall pass takes it
             self._fronts.pop(index)
@@ -169,10 +193,27 @@ class AdaptivePocket:
             self._stroke(StrokeKind.FEED, link, Role.LINK, air=True)
             place = link.end
         elif gaps[index] > 1e-9:
-            place = pieces[0].points[0]
+            landing = self._landing(start)
+            if landing is None:
+                # stock on all sides: what is there can only be cut in full width
+                self._fronts.pop(index)
+                return place, heading
+            place = landing
             self._stroke(StrokeKind.HOP, entry.plunge(place), Role.LINK)
-        remaining = self._fronts[:index] + self._fronts[index + 1 :]
+            link = straight(place, start.point)
+            if link is not None:
+                self._stroke(StrokeKind.FEED, link, Role.LINK)
+                place = link.end
         return self._take(pieces, [front, *remaining], place)
+
+    def _landing(self, start: Start) -> FloatArray | None:
+        """Where the tool can come down, with a straight way to the start of a cut."""
+        if self._returns.free(start.point[None])[0]:
+            return start.point
+        centres = self._cleared.nearest(start.point, LANDINGS)
+        ends = np.repeat(start.point[None], len(centres), axis=0)
+        free = self._returns.holds(self._walls.frame(centres), self._walls.frame(ends))
+        return np.asarray(centres[int(np.argmax(free))]) if free.any() else None
 
     def _best(
         self, place: FloatArray, heading: float, starts: list[Start], gaps: list[float]
@@ -191,7 +232,7 @@ class AdaptivePocket:
     def _start(self, front: FloatArray) -> Start:
         known = self._starts.get(id(front))
         if known is None or known[0] is not front:
-            known = (front, start_of(front, self._walls, self._radius))
+            known = (front, start_of(front, self._walls, self._settings.wall, self._radius))
             self._starts[id(front)] = known
         return known[1]
 
@@ -212,7 +253,7 @@ class AdaptivePocket:
         room = np.concatenate([piece.room for piece in pieces])
         swept = densified(centres, self._step)
         tree = cKDTree(swept)
-        new = self._new_fronts(centres, float(headings[-1]), room, tree)
+        new = self._new_fronts(centres, room, tree)
         low, high = swept.min(axis=0) - self._radius, swept.max(axis=0) + self._radius
         kept: list[FloatArray] = []
         for number, front in enumerate(fronts):
@@ -238,14 +279,13 @@ class AdaptivePocket:
         self._starts = {key: value for key, value in self._starts.items() if key in known}
         return centres[-1], float(headings[-1])
 
-    def _new_fronts(
-        self, centres: FloatArray, heading: float, room: FloatArray, own: cKDTree
-    ) -> list[FloatArray]:
+    def _new_fronts(self, centres: FloatArray, room: FloatArray, own: cKDTree) -> list[FloatArray]:
         """Edges of the stock that a cut leaves, the rim about its end included."""
         edge, piece = swept_edge(centres, self._radius, self._step)
         last = len(room) - 1
         open_ = np.maximum(room[piece], room[np.minimum(piece + 1, last)]) > 0
-        rim = heading + np.arange(0.0, np.pi, SAMPLING)
+        # from well behind the right of the last move: what is cleared there falls out below
+        rim = direction(centres[-2:]) + np.arange(-0.6, np.pi + 0.6, SAMPLING)
         edge = np.concatenate([edge, centres[-1] + self._radius * unit(rim - np.pi / 2)])
         open_ = np.concatenate([open_, np.ones(len(rim), dtype=bool)])
         piece = np.concatenate([piece, np.full(len(rim), last)])

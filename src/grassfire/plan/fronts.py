@@ -52,6 +52,16 @@ class Disks:
             result = np.minimum(result, tree.query(points, distance_upper_bound=bound)[0])
         return result
 
+    def nearest(self, point: FloatArray, count: int) -> FloatArray:
+        """(m, 2) centres nearest to a point, nearest first; all if there are fewer, mm."""
+        near = [
+            centres[tree.query(point, k=range(1, min(count, len(centres)) + 1))[1]]
+            for centres, tree in self._trees
+        ]
+        found = np.concatenate(near)
+        order = np.argsort(np.hypot(*(found - point).T), kind="stable")
+        return np.asarray(found[order[:count]])
+
 
 def densified(points: FloatArray, step: float) -> FloatArray:
     """A chain of points with more between them, at most `step` mm apart."""

@@ -168,11 +168,10 @@ def _settings(
         drop=drop,
         step=step,
         climb=operation.direction != "conventional",
-        both_ways=operation.direction == "both",
         finish=operation.finish_pass,
         fast_links=feeds.link > feeds.cut,
-        longest_walk=retract * feeds.link,
         minimum_radius=operation.minimum_path_radius * tool.diameter,
+        longest_walk=retract * feeds.link,
         link_speed=feeds.link / levels.rapid,
     )
 

@@ -78,6 +78,10 @@ class Returns:
                 return self._walls.path(smooth)
         return self._walls.path(found)
 
+    def free(self, places: FloatArray) -> BoolArray:
+        """Where on a way (in the frame) the tool touches neither wall nor stock."""
+        return self._clear(self._walls.frame(places))
+
     def holds(
         self, starts: FloatArray, ends: FloatArray, certain: BoolArray | None = None
     ) -> BoolArray:

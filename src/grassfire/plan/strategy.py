@@ -31,8 +31,6 @@ class ClearingSettings:
         Steepest descent of helix and ramp, the height that each descent loses, and that of a pass.
     climb : bool
         Whether the stock is on the right of the travel.
-    both_ways : bool
-        Whether cuts may run in either direction where that saves return moves.
     finish : bool
         Whether each wall is cut once more at the end.
     fast_links : bool
@@ -40,7 +38,7 @@ class ClearingSettings:
     longest_walk : float
         How far a link may go before a retract is quicker, mm.
     minimum_radius : float
-        Smallest radius of curvature of cuts in stock where the shape leaves the choice, mm.
+        Smallest radius of turns where the shape leaves the choice, mm.
     link_speed : float
         Speed of links as a part of that of rapids.
     """
@@ -55,7 +53,6 @@ class ClearingSettings:
     drop: float
     step: float
     climb: bool
-    both_ways: bool
     finish: bool
     fast_links: bool
     longest_walk: float

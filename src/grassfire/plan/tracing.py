@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from grassfire.errors import PlanningError
-from grassfire.plan.fronts import densified, swept_edge
+from grassfire.plan.fronts import GRAZE, densified, swept_edge
 from grassfire.plan.path import BoolArray, IntArray, Path, join, segment
 from grassfire.plan.pursuit import pursue, unit, wrapped
 from grassfire.plan.smooth import fit
@@ -32,6 +34,9 @@ WINDOW = 64, 220
 
 FIT = 1.5e-3, 6e-3
 """How far cuts may lie from the exact way at walls and away from them, mm."""
+
+AT_WALL = 0.35
+"""Fronts that begin nearer to the wall than this part of the tool radius begin at it."""
 
 BACK = 60
 """Wall samples that a cut goes back at most to begin outside the stock."""
@@ -79,29 +84,47 @@ class Piece:
         return not len(self.samples)
 
 
-def start_of(front: FloatArray, walls: Walls, radius: float) -> Start:
-    """Where to begin a cut along a front: on the wall that it starts at, else at its start."""
-    step = front[min(3, len(front) - 1)] - front[0]
-    if walls.clearance(front[:1])[0] < 0.35 * radius:
+def start_of(front: FloatArray, walls: Walls, wall: float, radius: float) -> Start:
+    """Where to begin a cut along a front: on the wall that it starts at, else at its start.
+
+    Parameters
+    ----------
+    front : (n, 2) float array
+        In the frame of the walls, mm.
+    walls : Walls
+    wall, radius : float
+        Least distance of the tool centre from the boundary, radius of the tool, mm.
+    """
+    heading = direction(front[:4])
+    place = front[0] - radius * unit(heading - np.pi / 2 + FIRST_BITE[1])
+    at_front, at_place = walls.clearance(np.stack([front[0], place]))
+    inside = at_place >= wall - 1e-6
+    if at_front < AT_WALL * radius or not inside:
         back = walls.behind(walls.nearest(front[0]), BACK)
         gap = walls.points[back][:, None] - front[None, :BACK]
         clear = np.hypot(gap[..., 0], gap[..., 1]).min(axis=1) >= radius * (1 - 1e-3)
-        if clear.any():
+        if clear.any() or not inside:
             chosen = int(back[int(np.argmax(clear))])
             return Start(chosen, walls.points[chosen], float(walls.heading[chosen]))
-    heading = float(np.arctan2(step[1], step[0]))
-    bearing = heading - np.pi / 2 + FIRST_BITE[1]
-    return Start(-1, front[0] - radius * unit(bearing), heading)
+    return Start(-1, place, heading)
 
 
 @dataclass
 class _Cut:
-    """A cut on its way: its front, the last point passed, where the rim crosses it now."""
+    """A cut on its way: its front, the last point passed, where the rim crosses it now.
+
+    `lap` is the first piece of the lap of a spiral whose edge is not yet part of the front, or -1;
+    `real` the number of points of the front without its straight extension; `others` holds the
+    points of all other fronts.
+    """
 
     front: FloatArray
     index: int
     point: FloatArray
     pieces: list[Piece]
+    lap: int
+    real: int
+    others: cKDTree | None
 
 
 class Tracer:
@@ -122,29 +145,32 @@ class Tracer:
 
     def spiral(self, front: FloatArray) -> list[Piece]:
         """From a closed front outwards, lap by lap along the edge that the lap before has left."""
-        cut = _Cut(front, 0, front[0], [])
+        cut = _Cut(front, 0, front[0], [], 0, len(front), None)
         bearing = direction(front[:2]) - np.pi / 2 + FIRST_BITE[0]
         ease: tuple[float, float] | None = (FIRST_BITE[0], EASE[0] * self._radius)
-        closed = True
-        first = 0
-        while self._trace(cut, -1, bearing, ease):
-            if not closed:
-                break
-            closed = len(cut.pieces) == first + 1
-            lap, last = cut.pieces[first], cut.pieces[-1]
-            edge, _ = swept_edge(lap.points, self._radius, self._step)
-            gap = 0.6 * self._radius if first == 0 else 1e-6
-            cut.front = self._continued(cut.front, edge, gap)
-            if not closed:
-                cut.front = self._extended(cut.front)
-            cut.index, cut.point, first = 0, cut.front[0], len(cut.pieces)
-            offset = cut.point - last.points[-1]
+        while self._trace(cut, -1, bearing, ease) and cut.lap >= 0:
+            offset = cut.front[-1] - cut.pieces[-1].points[-1]
             bearing, ease = float(np.arctan2(offset[1], offset[0])), None
+            cut.index, cut.point = len(cut.front) - 1, cut.front[-1]
+            self._wind(cut, len(cut.pieces) == cut.lap + 1)
         return cut.pieces
 
-    def cut(self, front: FloatArray, start: Start) -> list[Piece]:
-        """Along an open front from its start."""
-        cut = _Cut(self._extended(front), 0, front[0], [])
+    def _wind(self, cut: _Cut, closed: bool) -> None:
+        """Lengthen the front by the edge that the first piece of this lap has left.
+
+        After a lap that met a wall (not `closed`) that is the last of the front.
+        """
+        edge, _ = swept_edge(cut.pieces[cut.lap].points, self._radius, self._step)
+        gap = 0.6 * self._radius if cut.lap == 0 else 1e-6
+        more = self._continued(cut.front, edge, gap)
+        cut.real = len(cut.front) + len(more) - 1
+        cut.front = np.concatenate([cut.front, (more if closed else self._extended(more))[1:]])
+        cut.lap = len(cut.pieces) if closed else -1
+
+    def cut(self, front: FloatArray, start: Start, others: Sequence[FloatArray]) -> list[Piece]:
+        """Along an open front from its start, among others."""
+        tree = cKDTree(np.concatenate(others), balanced_tree=False) if others else None
+        cut = _Cut(self._extended(front), 0, front[0], [], -1, len(front), tree)
         offset = front[0] - start.point
         bearing = float(np.arctan2(offset[1], offset[0]))
         self._trace(cut, start.sample, bearing, (FIRST_BITE[1], EASE[1] * self._radius))
@@ -243,6 +269,8 @@ class Tracer:
 
     def _slide(self, cut: _Cut, sample: int) -> float | None:
         """Along the wall until the limit is reached: the bearing there; None where the cut ends."""
+        if 0 <= cut.lap < len(cut.pieces) and len(cut.front) - cut.index < WINDOW[1]:
+            self._wind(cut, closed=False)
         while cut.index < len(cut.front) - 2:
             ahead = self._walls.ahead(sample, WINDOW[0])
             touch = self._touch(cut, ahead)
@@ -251,6 +279,7 @@ class Tracer:
             # round a corner of the pocket the front may be touched for long before it is cut
             patience = AIR * self._radius / self._step if cut.pieces else BACK
             end = _first_long_run(~touch.found, int(patience), leave)
+            end = min(end, self._astray(cut, ahead, touch))
             if end < leave:
                 if end:
                     self._slid(cut, ahead[:end])
@@ -267,6 +296,21 @@ class Tracer:
                 return None
             sample = int(ahead[-1])
         return None
+
+    def _astray(self, cut: _Cut, samples: IntArray, touch: _Touch) -> int:
+        """First sample past the end of the front, or in the stock of another one, or all."""
+        place = self._walls.points[samples]
+        gap = cut.front[cut.real - 1] - place
+        bearing = np.arctan2(gap[:, 1], gap[:, 0])
+        behind = wrapped(bearing - self._walls.heading[samples] + np.pi / 2) < 0
+        spent = (cut.index + touch.passed >= cut.real - 1) & (
+            behind | (np.hypot(gap[:, 0], gap[:, 1]) > self._radius)
+        )
+        if cut.others is not None:
+            least = self._radius * (1 - GRAZE)
+            near = cut.others.query(place, distance_upper_bound=least)[0]
+            spent |= ~touch.found & np.isfinite(near)
+        return int(np.argmax(spent)) if spent.any() else len(samples)
 
     def _slid(self, cut: _Cut, samples: IntArray) -> None:
         cut.pieces.append(

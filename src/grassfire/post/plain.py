@@ -10,8 +10,12 @@ from .render import Renderer
 from .rounding import WrittenMoves
 from .words import fixed
 
-# 1e-5 degrees are 0.0002 mm at a radius of a metre.
-_ANGLE_DECIMALS = 5
+# What controls take (TNC 640, user's manual: angle of CP, 4 places before and after the point);
+# half of the last decimal is 0.0001 mm at a radius of 100 mm.
+_ANGLE_DECIMALS = 4
+# A centre is written with one decimal more where it would lead this far beside the end, in units of
+# the last decimal. A centre on that finer grid leads at most 0.15 units beside.
+_BESIDE = 0.1
 
 
 def render_plain_language(
@@ -31,8 +35,9 @@ class _PlainLanguage(Renderer):
     """Blocks with signed numbers; every arc names its centre before.
 
     A helix is given by its angle (CP IPA), so its end is where the control computes it: on the
-    circle through its start. `turned` keeps that point, the next angle is measured from it, and
-    the next block with X and Y is exact again, so that errors do not add up.
+    circle through its start. `turned` keeps that point; the next helix has its centre on the
+    bisector between it and the planned end, its angle is measured from it, and the next block
+    with X and Y is exact again, so that errors do not add up.
     """
 
     def __init__(
@@ -81,21 +86,58 @@ class _PlainLanguage(Renderer):
             self._block(motion, words, feed)
 
     def _arc(self, moves: WrittenMoves, row: int, end: list[float], centre: str, feed: str) -> None:
-        if centre != self.pole:
-            self.lines.append(centre)
-            self.pole = centre
         sweep = float(moves.sweep[row])
         direction = self.post.words.arc_ccw if sweep > 0 else self.post.words.arc_cw
         if end[2] == self.position[2]:
+            self._pole(centre)
             words = [f"X{self._number(end[0])}", f"Y{self._number(end[1])}", direction]
             self.turned = None
             self._block("C", words, feed)
         else:
             begin = self.turned or (float(moves.begin[row, 0]), float(moves.begin[row, 1]))
-            angle = self._turn(begin, end, moves.centre[row].tolist(), sweep)
+            centre, around = self._helix_centre(begin, end, moves.centre[row].tolist(), centre)
+            self._pole(centre)
+            angle = self._turn(begin, end, around, sweep)
             words = [f"IPA{angle}", f"Z{self._number(end[2])}", direction]
             self._block("CP", words, feed)
         self.position = [end[0], end[1], end[2]]
+
+    def _pole(self, centre: str) -> None:
+        if centre != self.pole:
+            self.lines.append(centre)
+            self.pole = centre
+
+    def _helix_centre(
+        self, begin: tuple[float, float], end: list[float], centre: list[float], text: str
+    ) -> tuple[str, list[float]]:
+        """Centre of a helix, as text and mm, whose circle through `begin` passes the end.
+
+        `centre` itself if it does; else it moves along the chord onto the bisector, and of the
+        finer grid's four points around that place the one with the least difference of radii is
+        taken.
+        """
+        fine = self.grid.finer(1)
+        if abs(math.dist(begin, centre) - math.dist(end[:2], centre)) <= _BESIDE * self.grid.step:
+            return text, centre
+        chord = (end[0] - begin[0], end[1] - begin[1])
+        middle = ((begin[0] + end[0]) / 2, (begin[1] + end[1]) / 2)
+        along = (centre[0] - middle[0]) * chord[0] + (centre[1] - middle[1]) * chord[1]
+        along /= chord[0] ** 2 + chord[1] ** 2
+        ideal = [value - along * side for value, side in zip(centre, chord, strict=True)]
+        corner = [math.floor(value / fine.step) for value in ideal]
+        candidates = [
+            ((corner[0] + right) * fine.step, (corner[1] + up) * fine.step)
+            for right in (0, 1)
+            for up in (0, 1)
+        ]
+        best = min(
+            candidates,
+            key=lambda place: (
+                abs(math.dist(begin, place) - math.dist(end[:2], place)) + math.dist(place, ideal)
+            ),
+        )
+        words = f"CC X{self._number(best[0], 1)} Y{self._number(best[1], 1)}"
+        return words, list(best)
 
     def _turn(
         self, begin: tuple[float, float], end: list[float], centre: list[float], sweep: float

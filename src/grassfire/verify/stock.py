@@ -95,7 +95,9 @@ def mesh_file(corners: FloatArray, triangles: IntArray, name: str) -> bytes:
         import trimesh
     except ImportError as error:
         raise InputError(
-            "writing a mesh needs trimesh", source=name, remedy="pip install trimesh"
+            "writing a mesh needs trimesh",
+            source=name,
+            remedy="pip install 'grassfire[mesh]' (or trimesh itself)",
         ) from error
     if kind == "glb":
         corners = np.column_stack([corners[:, 0], corners[:, 2], -corners[:, 1]]) / 1000.0
@@ -129,7 +131,8 @@ def stock_png(
         from matplotlib.figure import Figure
     except ImportError as error:
         raise InputError(
-            "a PNG needs matplotlib", remedy="pip install matplotlib, or ask for an SVG"
+            "a PNG needs matplotlib",
+            remedy="pip install 'grassfire[picture]' (or matplotlib itself), or ask for an SVG",
         ) from error
     heights = verification.height_map
     rows, columns = heights.height.shape
