@@ -536,7 +536,7 @@ def test_drawings_of_others(drawing: str, units: str | None, tmp_path: Path) -> 
     if not path.exists():
         pytest.skip("needs the drawings")
     pytest.importorskip("numba")
-    job = write_job(tmp_path, Case(islands, 1.0, "linuxcnc", depth=2.0))
+    job = write_job(tmp_path, Case(islands, 2.0, "linuxcnc", depth=2.0))
     given = f'units = "{units}"' if units else ""
     job.write_text(job.read_text().replace('"drawing.dxf"', json.dumps(str(path)) + f"\n{given}"))
     result = run(job, out=tmp_path)
@@ -545,7 +545,7 @@ def test_drawings_of_others(drawing: str, units: str | None, tmp_path: Path) -> 
     measure = importlib.import_module("gcode_judge").measure
     sys.path.pop(0)
     text = result.files["program"].read_text(encoding="utf-8")
-    figures = measure(text, polygon_of(path, units), 2.0, 0.5)
+    figures = measure(text, polygon_of(path, units), 2.0, 1.0)
     assert figures["gouge_mm"] <= GOUGE
     assert figures["floor_gouge_mm"] <= FLOOR
     assert figures["uncut_pct"] <= 0.1

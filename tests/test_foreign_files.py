@@ -16,7 +16,7 @@ ROWS = "\n".join(
     for row, y in enumerate(3 + 2.8 * step for step in range(6))
 )
 PROGRAM = f"""%
-O1001 (Tasche für Ø6, Größe 20 × 20)
+O1001 (Tasche für Ø6, Größe 20 x 20)
 N10 G90 G94 G17
 N20 G21
 N30 G53 G0 Z0.

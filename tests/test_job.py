@@ -207,7 +207,10 @@ def test_schema_covers_every_key() -> None:
     assert set(schema["properties"]) == set(Job.model_fields)
     assert schema["additionalProperties"] is False
     assert schema["$defs"]["Tool"]["properties"]["diameter"]["type"] == ["number", "string"]
-    assert schema["$defs"]["Operation"]["properties"]["strategy"]["enum"][:2] == ["offset", "spiral"]
+    assert schema["$defs"]["Operation"]["properties"]["strategy"]["enum"][:2] == [
+        "offset",
+        "spiral",
+    ]
     assert "name" not in schema["required"]
 
 

@@ -260,13 +260,14 @@ def test_cuts_and_links_in_stock_are_never_lifted() -> None:
 
 
 def test_chip_thinning_needs_a_known_engagement_and_speeds_up_by_its_sine() -> None:
-    with pytest.raises(ValidationError, match="engagement that is known"):
-        job_of(chip_thinning=True)
-    operation = job_of(strategy="spiral", chip_thinning=True, engagement_angle=45.0).operations[0]
+    for strategy in ("offset", "spiral"):
+        with pytest.raises(ValidationError, match="engagement that is known"):
+            job_of(strategy=strategy, chip_thinning=True)
+    operation = job_of(strategy="adaptive", chip_thinning=True, engagement_angle=45.0).operations[0]
     assert operation.chip_thinning_factor == pytest.approx(math.sqrt(2))
-    thin = job_of(strategy="spiral", chip_thinning=True, stepover=0.02).operations[0]
+    thin = job_of(strategy="adaptive", chip_thinning=True, stepover=0.02).operations[0]
     assert thin.chip_thinning_factor == 2.0
-    wide = job_of(strategy="spiral", chip_thinning=True, stepover=0.7).operations[0]
+    wide = job_of(strategy="adaptive", chip_thinning=True, stepover=0.7).operations[0]
     assert wide.chip_thinning_factor == 1.0
     feeds = _feeds(operation, job_of().tool(1), 2.0)
     way = segment(np.zeros(2), np.array([9.0, 0.0]))

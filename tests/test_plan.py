@@ -237,7 +237,7 @@ def test_nothing_that_the_tool_reaches_is_left(case: Case) -> None:
     shapely.prepare(reachable)
     xmin, ymin, xmax, ymax = reachable.bounds
     grid = np.stack(np.meshgrid(np.arange(xmin, xmax, 0.1), np.arange(ymin, ymax, 0.1)), axis=-1)
-    inside = grid[shapely.contains_xy(reachable, grid)]
+    inside = grid[shapely.contains_xy(reachable, grid[..., 0], grid[..., 1])]
     distance = cKDTree(points[here, :2]).query(inside)[0]
     assert len(inside) > 1000
     assert np.count_nonzero(distance > radius) <= 1e-3 * len(inside)

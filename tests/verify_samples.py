@@ -266,10 +266,8 @@ class SlowJudge:
         heights = -depth + 0.03 + (depth - 0.04) * np.arange(slices) / (slices - 1)
         self.heights = [float(value) for value in heights]
         self.stock = [self.region.simplify(5e-4) for _ in self.heights]
-        # Samples so close that distances over a millimetre are right to 0.00002 mm.
-        self.wall = cKDTree(
-            shapely.get_coordinates(shapely.segmentize(self.region.boundary, 0.01))
-        )
+        # Samples so close that distances over a millimetre are right to 0.0001 mm.
+        self.wall = cKDTree(shapely.get_coordinates(shapely.segmentize(self.region.boundary, 0.03)))
         shapely.prepare(self.region)
 
     def judge(self, program: Program) -> Harm:

@@ -36,7 +36,7 @@ UNITS: Final[dict[str, float]] = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4
 STRATEGIES: Final[tuple[str, ...]] = ("offset", "spiral", "adaptive")
 """Strategies that the planner has."""
 
-STEADY_STRATEGIES: Final[tuple[str, ...]] = ("spiral", "adaptive")
+STEADY_STRATEGIES: Final[tuple[str, ...]] = ("adaptive",)
 """Strategies that know the engagement of their cuts."""
 
 PLANNED_STRATEGIES: Final[tuple[str, ...]] = ("rest", "finish", "vcarve")

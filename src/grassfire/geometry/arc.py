@@ -144,8 +144,10 @@ class Arc(Curve):
         """Return the point and the derivatives up to any `order`, each (..., 2)."""
         angle = self.start_angle + self.sweep * np.asarray(t, dtype=np.float64)
         radial = self.radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        forward = left_normal(radial)
         values = [np.asarray(self.centre + radial)]
+        if not order:
+            return tuple(values)
+        forward = left_normal(radial)
         for level in range(1, order + 1):
             sign = 1.0 if level % 4 in (0, 1) else -1.0
             vector = forward if level % 2 else radial

@@ -185,15 +185,16 @@ class MedialAxis:
         distance, site, parameter = self.search.nearest(local, outside=True)
         position, normal = sites.tangents(site, parameter)
         inside = np.einsum("ij,ij->i", local - position, normal) >= 0
-        low, high = parameter <= sites.low[site], parameter >= sites.high[site]
-        # The nearest point is a convex corner only from outside, a reflex one only from inside.
-        convex = (high & sites.corner_after[site]) | (
-            low & sites.corner_after[sites.preceding[site]]
-        )
-        point = sites.kind == SiteKind.POINT
-        reflex = point[site] | (high & point[sites.following[site]])
-        reflex |= low & point[sites.preceding[site]]
-        inside = np.where(convex, distance == 0, inside | reflex)
+        inside |= sites.kind.take(site) == SiteKind.POINT
+        low, high = parameter <= sites.low.take(site), parameter >= sites.high.take(site)
+        rows = (low | high).nonzero()[0]
+        if len(rows):
+            # The nearest point is a convex corner only from outside, a reflex one from inside.
+            low, high, end = low[rows], high[rows], site[rows]
+            before, after, reflex_before, reflex_after = [flag[end] for flag in sites.ends]
+            reflex = (high & reflex_after) | (low & reflex_before)
+            convex = (high & after) | (low & before)
+            inside[rows] = np.where(convex, distance[rows] == 0, inside[rows] | reflex)
         return np.where(inside, distance, -distance)
 
     @cached_property

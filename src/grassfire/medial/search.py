@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -12,6 +13,8 @@ from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, disk_through
 
 _FIRST_NEIGHBOURS = (12, 6)
+_FEW_NEIGHBOURS = 8
+_EARLIER = np.tri(_FEW_NEIGHBOURS, dtype=bool)
 _SAMPLES_PER_SITE = (2, 16)
 _CROWDING = 60.0
 _STRIDE = 16
@@ -146,11 +149,14 @@ class BoundarySearch:
         """
         allowance, slack = slack, slack + 1e-13 * self.sites.size
         count = len(centre)
-        distance = np.full(count, np.inf)
-        site = np.full(count, -1, dtype=np.int64)
-        parameter = np.full(count, np.nan)
-        active = np.arange(count)
         neighbours = _FIRST_NEIGHBOURS[count >= _MANY]
+        if excluded is None and outside and 0 < count < _MANY:
+            distance, site, parameter, active = self._nearest_few(centre, allowance)
+        else:
+            distance = np.full(count, np.inf)
+            site = np.full(count, -1, dtype=np.int64)
+            parameter = np.full(count, np.nan)
+            active = np.arange(count)
         while len(active):
             found = self._candidates(
                 centre[active],
@@ -170,6 +176,50 @@ class BoundarySearch:
             active = active[~found.complete]
             neighbours *= 4
         return distance, site, parameter
+
+    @cached_property
+    def _everywhere(self) -> tuple[cKDTree, IntArray, FloatArray]:
+        """The samples and all convex corners, however flat, their sites and parameters.
+
+        With these the nearest boundary point of a place outside, too, is the foot of a normal or a
+        sample itself.
+        """
+        corner = np.flatnonzero(self.sites.corner_after | (self.sites.turn_after != 0))
+        end = self.sites.high[corner]
+        point = np.concatenate([self.point, self.sites.point(corner, end)])
+        tree = cKDTree(point, compact_nodes=False, balanced_tree=False)
+        return tree, np.append(self.site, corner), np.append(self.parameter, end)
+
+    def _nearest_few(
+        self, centre: FloatArray, allowance: float
+    ) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
+        """As `nearest` for centres anywhere, in one round of few array operations.
+
+        Also the rows (k,) for which sites may be nearer that were not looked at.
+        """
+        tree, site, parameter = self._everywhere
+        count, wanted = len(centre), min(_FEW_NEIGHBOURS, len(site))
+        away, index = tree.query(centre, k=wanted)
+        away, index = away.reshape(count, wanted), index.reshape(count, wanted)
+        owner = site.take(index)
+        limit = away[:, :1] * (1 + 1e-9)
+        allowed = away <= np.hypot(limit, self.half.take(owner)) + self.bulge.take(owner)
+        # One sample of each site, the nearest, where projecting from each of them takes time.
+        if SiteKind.SPIRAL in self.sites.curved:
+            repeated = owner[:, 1:, None] == owner[:, None, :-1]
+            repeated &= _EARLIER[: wanted - 1, : wanted - 1]
+            allowed[:, 1:] &= ~repeated.any(axis=2)
+        chosen = allowed.ravel().nonzero()[0]
+        target, row = owner.ravel().take(chosen), chosen // wanted
+        hint = parameter.take(index.ravel().take(chosen))
+        where, apart = self.sites.project(target, centre.take(row, axis=0), hint, allowance)
+        table, parameters = np.full(count * wanted, np.inf), np.empty(count * wanted)
+        table[chosen], parameters[chosen] = apart, where
+        best = table.reshape(count, wanted).argmin(axis=1) + np.arange(0, count * wanted, wanted)
+        complete = self._complete(away[:, -1], away[:, 0], 1e-13 * self.sites.size, False)
+        complete |= wanted == len(site)
+        rest = (~complete).nonzero()[0]
+        return table.take(best), owner.ravel().take(best), parameters.take(best), rest
 
     def _candidates(
         self,

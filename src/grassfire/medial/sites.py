@@ -109,7 +109,7 @@ class Sites:
     def derivatives(self, site: IntArray, parameter: FloatArray, order: int) -> list[FloatArray]:
         """Point and derivatives up to `order` (at most 3), each of shape (n, 2)."""
         kind = self.kind[site]
-        if self._curved == {SiteKind.SPIRAL}:
+        if self.curved == {SiteKind.SPIRAL}:
             spiral = (kind == SiteKind.SPIRAL).nonzero()[0]
             if len(spiral) == len(site) > 0:
                 return self._spiral(self.bezier[site], parameter, order)
@@ -117,12 +117,12 @@ class Sites:
         result = [self.anchor[site] + parameter[:, None] * direction, direction]
         result.extend(np.zeros((len(site), 2)) for _ in range(2, order + 1))
         del result[order + 1 :]
-        if SiteKind.ARC in self._curved:
+        if SiteKind.ARC in self.curved:
             arc = (kind == SiteKind.ARC).nonzero()[0]
             if len(arc):
                 for values, part in zip(result, self._arc(site[arc], parameter[arc]), strict=False):
                     values[arc] = part
-        if SiteKind.SPIRAL in self._curved:
+        if SiteKind.SPIRAL in self.curved:
             spiral = (kind == SiteKind.SPIRAL).nonzero()[0]
             if len(spiral):
                 parts = self._spiral(self.bezier[site[spiral]], parameter[spiral], order)
@@ -131,14 +131,27 @@ class Sites:
         return result
 
     @cached_property
-    def _curved(self) -> set[int]:
+    def curved(self) -> set[int]:
         """Which of arcs and spirals there are."""
         return {SiteKind.ARC, SiteKind.SPIRAL} & set(self.kind.tolist())
+
+    @cached_property
+    def ends(self) -> tuple[BoolArray, BoolArray, BoolArray, BoolArray]:
+        """(m,) whether sites begin and end at convex corners, and whether at reflex ones."""
+        point = self.kind == SiteKind.POINT
+        convex = self.corner_after
+        return convex[self.preceding], convex, point[self.preceding], point[self.following]
 
     @cached_property
     def _direction(self) -> FloatArray:
         """(m, 2) direction of lines, 0 for others."""
         return np.where((self.kind == SiteKind.LINE)[:, None], self.extent, 0.0)
+
+    @cached_property
+    def _square(self) -> FloatArray:
+        """(m,) squared lengths of lines, 1 for others."""
+        line = self.kind == SiteKind.LINE
+        return np.where(line, dot(self._direction, self._direction), 1.0)
 
     def _arc(self, site: IntArray, parameter: FloatArray) -> Iterator[FloatArray]:
         """Point and derivatives, as many as are wanted."""
@@ -203,7 +216,7 @@ class Sites:
         kind = self.kind[site]
         safe = np.where(speed > 0, speed, 1.0)
         curvature = (dx * second[:, 1] - dy * second[:, 0]) / safe**3
-        if SiteKind.ARC in self._curved:
+        if SiteKind.ARC in self.curved:
             arc = (kind == SiteKind.ARC).nonzero()[0]
             curvature[arc] = np.sign(self.extent[site[arc], 1]) / self.radius[site[arc]]
         curvature[kind == SiteKind.POINT] = -np.inf
@@ -227,19 +240,21 @@ class Sites:
 
         Distances may be too large by `slack`, mm, and parameters are then less exact.
         """
-        kind = self.kind[target]
-        parameter = np.zeros(len(target))
-        rows = np.flatnonzero(kind == SiteKind.LINE)
-        if len(rows):
-            direction = self.extent[target[rows]]
-            along = dot(centre[rows] - self.anchor[target[rows]], direction)
-            parameter[rows] = np.clip(along / dot(direction, direction), 0.0, 1.0)
-        rows = np.flatnonzero(kind == SiteKind.ARC)
-        if len(rows):
-            parameter[rows] = self._project_arc(target[rows], centre[rows])
-        rows = np.flatnonzero(kind == SiteKind.SPIRAL)
-        if len(rows):
-            parameter[rows] = self._project_spiral(target[rows], centre[rows], hint[rows], slack)
+        # Points have no direction, which makes their parameter 0; curves are dealt with below.
+        direction, square = self._direction.take(target, axis=0), self._square.take(target)
+        along = dot(centre - self.anchor.take(target, axis=0), direction)
+        parameter = np.minimum(np.maximum(along / square, 0.0), 1.0)
+        kind = self.kind.take(target)
+        if SiteKind.ARC in self.curved:
+            rows = (kind == SiteKind.ARC).nonzero()[0]
+            if len(rows):
+                parameter[rows] = self._project_arc(target[rows], centre[rows])
+        if SiteKind.SPIRAL in self.curved:
+            rows = (kind == SiteKind.SPIRAL).nonzero()[0]
+            if len(rows):
+                parameter[rows] = self._project_spiral(
+                    target[rows], centre[rows], hint[rows], slack
+                )
         delta = centre - self.point(target, parameter)
         return parameter, np.hypot(delta[:, 0], delta[:, 1])
 

@@ -31,7 +31,7 @@ from grassfire.plan.link import straight
 from grassfire.plan.offset import offset_pockets
 from grassfire.plan.path import Path
 from grassfire.plan.pursuit import unit
-from grassfire.plan.returns import Returns
+from grassfire.plan.returns import ROOM, Returns
 from grassfire.plan.rings import Component, components
 from grassfire.plan.strategy import ClearingSettings, PocketPlan
 from grassfire.plan.strokes import Stroke, StrokeKind
@@ -52,11 +52,20 @@ from grassfire.toolpath import FloatArray, Role
 LEAST_HELIX = 0.1
 """Smallest helix as a part of the tool radius; places without room for it are slots."""
 
+MARGIN = 0.01
+"""How far below the limit cuts are laid out, radians: for chords, fits and rounding."""
+
 LIGHT = 0.28
 """Part of a pass that the flat lap at the foot of the helix may take in depth."""
 
+LAP = 0.5
+"""Room that the first lap round the helix takes, as a part of the tool radius."""
+
 LANDINGS = 40
 """Cleared places that are tried for coming down near the start of a cut."""
+
+GRAZING = 0.1
+"""How deep the way to a cut may bite in narrow places, as a part of the tool radius."""
 
 LINK_TRIES = 3
 """Fronts that are tried before the tool is retracted."""
@@ -129,7 +138,8 @@ class AdaptivePocket:
         self._radius = settings.tool_radius
         self._step = SAMPLING * self._radius
         self._walls = Walls(axis, part.rings, settings.wall, self._step, reflect=not settings.climb)
-        self._tracer = Tracer(self._walls, self._radius, settings.engagement)
+        engagement = max(settings.engagement - MARGIN, settings.engagement / 2)
+        self._tracer = Tracer(self._walls, self._radius, engagement)
         self._returns = Returns(axis, self._walls, settings.wall, self._radius)
         self._cleared = Disks()
         self._fronts: list[FloatArray] = []
@@ -153,16 +163,27 @@ class AdaptivePocket:
         """Helix in the largest disk, then the opening spiral; returns place and heading."""
         centre = self._walls.frame(self.peak[None])[0]
         room = self._part.peak_radius - self._settings.wall
-        helix = min(self._helix_radius(), room)
+        helix = self._helix_radius()
+        if room < helix + LAP * self._radius:
+            # no whole lap fits round it: out to the walls at once, which break the front
+            helix = min(room, entry.NO_CORE * self._radius)
         angle = np.linspace(0.0, 2 * np.pi, int(2 * np.pi * (helix + self._radius) / self._step))
         front = centre + (helix + self._radius) * unit(angle)
-        pieces = self._tracer.spiral(front)
+        stock = self._walls.clearance(front) > WALL_SKIN * self._radius
         outwards = front[0] - self._radius * unit(FIRST_BITE[0]) - centre
         start = centre + helix * outwards / np.hypot(*outwards)
         way = entry.helix(centre, start, self._settings.drop, self._settings.slope, 1)
         self._stroke(StrokeKind.DESCEND, way.down, Role.ENTRY)
         self._stroke(StrokeKind.FEED, way.flat, Role.ENTRY)
         self._cleared.add(centre + helix * unit(angle[:-1]))
+        if not stock.all():
+            # the walls break the front at once: begun where one does, its parts are whole
+            turn = int(np.argmin(stock))
+            chain, stock = np.roll(front[:-1], -turn, axis=0), np.roll(stock[:-1], -turn)
+            self._fronts = runs(chain, stock, 4 * self._step)
+            self._returns.update(self._fronts)
+            return start, float(np.arctan2(outwards[1], outwards[0]) + np.pi / 2)
+        pieces = self._tracer.spiral(front)
         if not pieces:
             raise PlanningError(
                 "no cut fits round the helix",
@@ -193,27 +214,37 @@ class AdaptivePocket:
             self._stroke(StrokeKind.FEED, link, Role.LINK, air=True)
             place = link.end
         elif gaps[index] > 1e-9:
-            landing = self._landing(start)
+            landing = self._landing(place, start)
             if landing is None:
                 # stock on all sides: what is there can only be cut in full width
                 self._fronts.pop(index)
                 return place, heading
-            place = landing
-            self._stroke(StrokeKind.HOP, entry.plunge(place), Role.LINK)
+            if not np.array_equal(place, landing):
+                place = landing
+                self._stroke(StrokeKind.HOP, entry.plunge(place), Role.LINK)
             link = straight(place, start.point)
             if link is not None:
-                self._stroke(StrokeKind.FEED, link, Role.LINK)
+                self._stroke(StrokeKind.FEED, link, Role.CUT)
                 place = link.end
         return self._take(pieces, [front, *remaining], place)
 
-    def _landing(self, start: Start) -> FloatArray | None:
-        """Where the tool can come down, with a straight way to the start of a cut."""
+    def _landing(self, place: FloatArray, start: Start) -> FloatArray | None:
+        """Where the tool is or can come down, with a straight way to the start of a cut.
+
+        In narrow places the way may graze stock, at a small part of the engagement allowed.
+        """
         if self._returns.free(start.point[None])[0]:
             return start.point
-        centres = self._cleared.nearest(start.point, LANDINGS)
+        near = self._cleared.nearest(start.point, LANDINGS)
+        centres = np.concatenate([place[None], near])
         ends = np.repeat(start.point[None], len(centres), axis=0)
-        free = self._returns.holds(self._walls.frame(centres), self._walls.frame(ends))
-        return np.asarray(centres[int(np.argmax(free))]) if free.any() else None
+        for bite in (ROOM, GRAZING):
+            free = self._returns.holds(
+                self._walls.frame(centres), self._walls.frame(ends), bite=bite
+            )
+            if free.any():
+                return np.asarray(centres[int(np.argmax(free))])
+        return None
 
     def _best(
         self, place: FloatArray, heading: float, starts: list[Start], gaps: list[float]
@@ -237,7 +268,8 @@ class AdaptivePocket:
         return known[1]
 
     def _stroke(self, kind: StrokeKind, path: Path, role: Role, air: bool = False) -> None:
-        self.strokes.append(Stroke(kind, self._walls.path(path), role, air))
+        steady = role is Role.CUT
+        self.strokes.append(Stroke(kind, self._walls.path(path), role, air, steady=steady))
 
     def _take(
         self, pieces: list[Piece], fronts: list[FloatArray], place: FloatArray
@@ -260,7 +292,7 @@ class AdaptivePocket:
             if number > 0 and not _overlap(front, low, high):
                 kept.append(front)
                 continue
-            gone = tree.query(front, distance_upper_bound=self._radius * (1 - GRAZE / 2))[0]
+            gone = tree.query(front, distance_upper_bound=self._radius * (1 - GRAZE))[0]
             left = np.isinf(gone)
             if not left.all():
                 kept += runs(front, left, 4 * self._step)
@@ -284,15 +316,20 @@ class AdaptivePocket:
         edge, piece = swept_edge(centres, self._radius, self._step)
         last = len(room) - 1
         open_ = np.maximum(room[piece], room[np.minimum(piece + 1, last)]) > 0
-        # from well behind the right of the last move: what is cleared there falls out below
-        rim = direction(centres[-2:]) + np.arange(-0.6, np.pi + 0.6, SAMPLING)
-        edge = np.concatenate([edge, centres[-1] + self._radius * unit(rim - np.pi / 2)])
-        open_ = np.concatenate([open_, np.ones(len(rim), dtype=bool)])
-        piece = np.concatenate([piece, np.full(len(rim), last)])
+        # the rim before and after, from well behind the right: what is cleared there falls out
+        before = direction(centres[:2]) + np.arange(-0.6, 0.0, SAMPLING)
+        after = direction(centres[-2:]) + np.arange(-0.6, np.pi + 0.6, SAMPLING)
+        rims = [
+            centres[end] + self._radius * unit(angle - np.pi / 2)
+            for end, angle in ((0, before), (-1, after))
+        ]
+        edge = np.concatenate([rims[0], edge, rims[1]])
+        open_ = np.pad(open_, (len(before), len(after)), constant_values=True)
+        piece = np.concatenate([np.zeros_like(before, int), piece, np.full(len(after), last)])
         stock = open_ & (own.query(edge)[0] > self._radius * (1 - GRAZE))
         rows = np.flatnonzero(stock)
         old = self._cleared.distance(edge[rows], 1.01 * self._radius)
-        stock[rows] = old > self._radius * (1 + GRAZE)
+        stock[rows] = old > self._radius * (1 + GRAZE / 4)
         # where the wall is nearer to the edge than that, it is near the tool as well
         skin = WALL_SKIN * self._radius
         rows = np.flatnonzero(stock)

@@ -70,7 +70,7 @@ class Feeds:
             return feed
         if role is Role.FINISH or (wall and role is Role.CUT):
             feed *= self.edge_factor(path)
-        elif role in (Role.CUT, Role.LEAD):
+        elif role is Role.LEAD or (role is Role.CUT and not steady):
             feed *= self.chip_factor(path)
         return feed
 

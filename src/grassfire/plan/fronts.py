@@ -26,6 +26,9 @@ SHORTEST = 0.15
 JOIN_GAP = 0.25
 """Fronts that end and start within this part of the tool radius are one."""
 
+HEAD = 80
+"""Points of a front beside which another one may end to be continued by it."""
+
 JOIN_RIGHT, JOIN_LEFT = np.radians(40.0), np.radians(100.0)
 """Sharpest turns at which fronts are joined: to the right stock juts out, to the left none does."""
 
@@ -129,24 +132,16 @@ def length(chain: FloatArray) -> float:
 
 
 def joined(fronts: Sequence[FloatArray], radius: float, step: float) -> list[FloatArray]:
-    """Fronts with those made one that continue each other without a sharp jut of stock."""
+    """Fronts with those made one that continue each other without a sharp jut of stock.
+
+    One continues another if it starts near its end, or runs along it there.
+    """
     chains = list(fronts)
     while len(chains) > 1:
-        last, first = (np.array([chain[end] for chain in chains]) for end in (-1, 0))
-        gap = np.hypot(*(last[:, None] - first[None]).transpose(2, 0, 1))
-        np.fill_diagonal(gap, np.inf)
-        if not (gap <= JOIN_GAP * radius).any():
+        best = _continuation(chains, radius)
+        if best is None:
             break
-        leave = np.array([_direction(chain[-4:]) for chain in chains])
-        arrive = np.array([_direction(chain[:4]) for chain in chains])
-        turn = wrapped(arrive[None] - leave[:, None])
-        gap[(turn < -JOIN_RIGHT) | (turn > JOIN_LEFT)] = np.inf
-        one, two = np.unravel_index(int(np.argmin(gap)), gap.shape)
-        if gap[one, two] > JOIN_GAP * radius:
-            break
-        ahead = (chains[two][:8] - chains[one][-1]) @ unit(float(leave[one]))
-        skip = int(np.argmax(np.append(ahead > 0.3 * step, True)))
-        skip = min(skip, len(chains[two]) - 2)
+        one, two, skip = best
         chain = np.concatenate(
             [
                 chains[one][:-1],
@@ -157,6 +152,33 @@ def joined(fronts: Sequence[FloatArray], radius: float, step: float) -> list[Flo
         chains = [item for index, item in enumerate(chains) if index not in (one, two)]
         chains.append(chain)
     return chains
+
+
+def _continuation(chains: list[FloatArray], radius: float) -> tuple[int, int, int] | None:
+    """The pair of chains that fits best, and the point of the second at which it goes on."""
+    last = np.array([chain[-1] for chain in chains])
+    head = np.stack([chain[np.minimum(np.arange(HEAD), len(chain) - 3)] for chain in chains])
+    gap = np.hypot(*(last[:, None, None] - head[None]).transpose(3, 0, 1, 2))
+    gap[np.arange(len(chains)), np.arange(len(chains))] = np.inf
+    start, along = gap[:, :, 0], gap.min(axis=2)
+    skip = np.where(along <= 4 * GRAZE * radius, gap.argmin(axis=2), 0)
+    cost = np.where(skip > 0, along, np.where(start <= JOIN_GAP * radius, start, np.inf))
+    if not np.isfinite(cost).any():
+        return None
+    leave = np.array([_direction(chain[-4:]) for chain in chains])
+    for flat in np.argsort(cost, axis=None, kind="stable"):
+        one, two = divmod(int(flat), len(chains))
+        if not np.isfinite(cost[one, two]):
+            return None
+        at = int(skip[one, two])
+        if at == 0:
+            # what runs back beside the end of the first is left out
+            ahead = (chains[two][:8] - chains[one][-1]) @ unit(float(leave[one]))
+            at = min(int(np.argmax(np.append(ahead > 0, True))), len(chains[two]) - 2)
+        turn = wrapped(_direction(chains[two][at : at + 4]) - leave[one])
+        if -JOIN_RIGHT <= turn <= JOIN_LEFT:
+            return one, two, at
+    return None
 
 
 def _direction(points: FloatArray) -> float:

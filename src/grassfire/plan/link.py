@@ -104,32 +104,32 @@ class RingSet:
         self.rings = tuple(rings)
         self.left = np.ones(len(self.rings), dtype=bool)
         count = np.array([len(ring) for ring in self.rings])
-        self._owner: IntArray = np.repeat(np.arange(len(self.rings)), count)
         self._first: IntArray = np.cumsum(count) - count
         self._start = np.concatenate([ring.points[:-1] for ring in self.rings])
         self._end = np.concatenate([ring.points[1:] for ring in self.rings])
         self._centre = np.concatenate([ring.centre for ring in self.rings])
         self._sweep = np.concatenate([ring.sweep for ring in self.rings])
-        self._low, self._high = _boxes(self._start, self._end, self._centre, self._sweep)
+
+    @cached_property
+    def _pieces(self) -> _Pieces:
+        """The pieces of all rings, prepared for crossings."""
+        return _Pieces(self._start, self._end, self._centre, self._sweep)
 
     def nearest_left(self, point: FloatArray, count: int = 1) -> list[RingPlace]:
         """Nearest places on the `count` nearest rings that are left, nearest first."""
-        use = self.left[self._owner]
         fraction, distance = nearest_on_pieces(
-            self._start[use], self._end[use], self._centre[use], self._sweep[use], point
+            self._start, self._end, self._centre, self._sweep, point
         )
-        owner, index = self._owner[use], np.flatnonzero(use)
-        best = np.full(len(self.rings), np.inf)
-        np.minimum.at(best, owner, distance)
+        best = np.where(self.left, np.minimum.reduceat(distance, self._first), np.inf)
         order = [
             int(ring) for ring in np.argsort(best, kind="stable")[:count] if np.isfinite(best[ring])
         ]
         places = []
         for ring in order:
-            mine = np.flatnonzero(owner == ring)
-            chosen = int(mine[np.argmin(distance[mine])])
+            first = int(self._first[ring])
+            local = int(np.argmin(distance[first : first + len(self.rings[ring])]))
+            chosen = first + local
             path = self.rings[ring]
-            local = int(index[chosen] - self._first[ring])
             along = float(path.cumulative[local] + fraction[chosen] * path.lengths[local])
             place = Nearest(along, path.at(np.array([along]))[0], float(distance[chosen]))
             places.append(RingPlace(ring, place))
@@ -147,62 +147,84 @@ class RingSet:
         -------
         (m,) bool array
         """
+        return self._pieces.crossed(starts, ends)
+
+
+class _Pieces:
+    """Lines and arcs as columns, for crossings with straight ways."""
+
+    def __init__(
+        self, start: FloatArray, end: FloatArray, centre: FloatArray, sweep: FloatArray
+    ) -> None:
+        low, high = _boxes(start, end, centre, sweep)
+        self._low_x, self._low_y = np.ascontiguousarray(low.T)
+        self._high_x, self._high_y = np.ascontiguousarray(high.T)
+        self._x, self._y = np.ascontiguousarray(start.T)
+        self._side_x, self._side_y = np.ascontiguousarray((end - start).T)
+        self._centre_x, self._centre_y = np.ascontiguousarray(centre.T)
+        spoke = start - centre
+        self._spoke_x, self._spoke_y = np.ascontiguousarray(spoke.T)
+        self._square = np.sum(spoke * spoke, axis=1)
+        self._sweep = sweep
+        self._arc = sweep != 0.0
+
+    def crossed(self, starts: FloatArray, ends: FloatArray) -> BoolArray:
+        """(m,) whether any piece crosses the inside of each straight way; see `RingSet.crossed`."""
         hit = np.zeros(len(starts), dtype=bool)
-        if not len(starts):
-            return hit
         low, high = np.minimum(starts, ends), np.maximum(starts, ends)
-        near = np.flatnonzero(
-            np.all((self._low <= high.max(axis=0)) & (self._high >= low.min(axis=0)), axis=1)
-        )
-        meet = self._low[near, 0] <= high[:, :1]
-        meet &= self._high[near, 0] >= low[:, :1]
-        meet &= self._low[near, 1] <= high[:, 1:]
-        meet &= self._high[near, 1] >= low[:, 1:]
-        row, piece = np.nonzero(meet)
-        piece = near[piece]
+        meet = self._low_x <= high[:, :1]
+        meet &= self._high_x >= low[:, :1]
+        meet &= self._low_y <= high[:, 1:]
+        meet &= self._high_y >= low[:, 1:]
+        row, piece = meet.nonzero()
+        if not len(row):
+            return hit
         way = ends - starts
         margin = np.minimum(END / np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-300), 0.5)
-        arc = self._sweep[piece] != 0.0
+        columns = np.concatenate([starts, way, margin[:, None]], axis=1).T
+        arc = self._arc[piece]
         for chosen, test in ((~arc, self._lines), (arc, self._arcs)):
-            rows, pieces = row[chosen], piece[chosen]
-            hit[rows[test(starts[rows], way[rows], margin[rows], pieces)]] = True
+            pairs = chosen.nonzero()[0]
+            if len(pairs):
+                rows = row[pairs]
+                hit[rows[test(columns.take(rows, axis=1), piece[pairs])]] = True
         return hit
 
-    def _lines(
-        self, start: FloatArray, way: FloatArray, margin: FloatArray, piece: IntArray
-    ) -> BoolArray:
-        """(k,) whether each way crosses its line."""
-        side = self._end[piece] - self._start[piece]
-        gap = self._start[piece] - start
-        across = way[:, 0] * side[:, 1] - way[:, 1] * side[:, 0]
+    def _lines(self, ways: FloatArray, piece: IntArray) -> BoolArray:
+        """(k,) whether each way crosses its line; ways are columns x, y, their extents, margin."""
+        x, y, way_x, way_y, margin = ways
+        side_x, side_y = self._side_x[piece], self._side_y[piece]
+        gap_x, gap_y = self._x[piece] - x, self._y[piece] - y
+        across = way_x * side_y - way_y * side_x
         safe = np.where(across == 0.0, 1.0, across)
-        along = (gap[:, 0] * side[:, 1] - gap[:, 1] * side[:, 0]) / safe
-        other = (gap[:, 0] * way[:, 1] - gap[:, 1] * way[:, 0]) / safe
+        along = (gap_x * side_y - gap_y * side_x) / safe
+        other = (gap_x * way_y - gap_y * way_x) / safe
         inside = (along > margin) & (along < 1 - margin) & (other >= -1e-9) & (other <= 1 + 1e-9)
         return np.asarray(inside & (across != 0.0))
 
-    def _arcs(
-        self, start: FloatArray, way: FloatArray, margin: FloatArray, piece: IntArray
-    ) -> BoolArray:
-        """(k,) whether each way crosses its arc."""
-        centre, sweep = self._centre[piece], self._sweep[piece]
-        spoke, gap = self._start[piece] - centre, start - centre
-        square = np.maximum(np.sum(way * way, axis=1), 1e-300)
-        half = np.sum(gap * way, axis=1)
-        rest = np.sum(gap * gap, axis=1) - np.sum(spoke * spoke, axis=1)
+    def _arcs(self, ways: FloatArray, piece: IntArray) -> BoolArray:
+        """(k,) whether each way crosses its arc; ways as in `_lines`."""
+        x, y, way_x, way_y, margin = ways
+        gap_x, gap_y = x - self._centre_x[piece], y - self._centre_y[piece]
+        square = np.maximum(way_x * way_x + way_y * way_y, 1e-300)
+        half = gap_x * way_x + gap_y * way_y
+        rest = gap_x * gap_x + gap_y * gap_y - self._square[piece]
         root = half * half - square * rest
-        hit = np.zeros(len(start), dtype=bool)
-        for sign in (-1.0, 1.0):
-            along = (-half + sign * np.sqrt(np.maximum(root, 0.0))) / square
-            chosen = np.flatnonzero((root > 0) & (along > margin) & (along < 1 - margin))
-            place = gap[chosen] + along[chosen, None] * way[chosen]
-            first = spoke[chosen]
-            turn = np.arctan2(
-                first[:, 0] * place[:, 1] - first[:, 1] * place[:, 0],
-                np.sum(first * place, axis=1),
-            )
-            swept = np.mod(turn * np.sign(sweep[chosen]) + 1e-9, 2 * np.pi)
-            hit[chosen[swept <= np.abs(sweep[chosen]) + 2e-9]] = True
+        step = np.sqrt(np.maximum(root, 0.0))
+        # where the way meets the circle, coming and going
+        along = np.stack([-half - step, -half + step]) / square
+        found = (root > 0) & (along > margin) & (along < 1 - margin)
+        _, pair = found.nonzero()
+        along = along[found]
+        place_x, place_y = gap_x[pair] + along * way_x[pair], gap_y[pair] + along * way_y[pair]
+        piece = piece[pair]
+        spoke_x, spoke_y, sweep = self._spoke_x[piece], self._spoke_y[piece], self._sweep[piece]
+        turn = np.arctan2(
+            spoke_x * place_y - spoke_y * place_x, spoke_x * place_x + spoke_y * place_y
+        )
+        swept = np.mod(turn * np.sign(sweep) + 1e-9, 2 * np.pi)
+        hit = np.zeros(len(x), dtype=bool)
+        hit[pair[swept <= np.abs(sweep) + 2e-9]] = True
         return hit
 
 
@@ -314,6 +336,13 @@ class Facing:
     to_along: FloatArray
     distance: FloatArray
 
+    def take(self, rows: BoolArray) -> Facing:
+        """Some of the pairs."""
+        return Facing(
+            self.from_owner[rows], self.starts[rows], self.ends[rows], self.to_along[rows],
+            self.distance[rows],
+        )  # fmt: skip
+
     def target(self, row: int) -> Nearest:
         """The place on the ring of one pair."""
         return Nearest(float(self.to_along[row]), self.ends[row], float(self.distance[row]))
@@ -349,20 +378,31 @@ class Front:
             for row in chosen
         ]
 
-    def facing(self, ring: Path, inside: Interior, count: int = 8) -> Facing:
-        """Places of a ring near the front, the nearest and some spread over it, held by straight
-        ways."""
+    def facing(self, rings: Sequence[Path], inside: Interior, count: int = 8) -> list[Facing]:
+        """Places of each ring near the front, the nearest and some spread over it, held by
+        straight ways."""
+        pairs = [self._pairs(ring, count) for ring in rings]
+        if not pairs:
+            return []
+        good = inside.holds(
+            np.concatenate([pair.starts for pair in pairs]),
+            np.concatenate([pair.ends for pair in pairs]),
+        )
+        shares = np.split(good, np.cumsum([len(pair.distance) for pair in pairs])[:-1])
+        return [pair.take(share) for pair, share in zip(pairs, shares, strict=True)]
+
+    def _pairs(self, ring: Path, count: int) -> Facing:
+        """Places of a ring, the `count` nearest to the front and as many spread over it."""
         points, along = ring.sampled
         distance, index = self._tree.query(points)
         order = np.argsort(distance, kind="stable")
         spread = order[np.linspace(0, len(order) - 1, count).astype(np.int64)]
         picked = np.unique(np.concatenate([order[:count], spread]))
-        starts, ends = self._points[index[picked]], points[picked]
-        good = inside.holds(starts, ends)
-        kept = picked[good]
+        chosen = index[picked]
         return Facing(
-            self._owner[index[kept]], starts[good], ends[good], along[kept], distance[kept]
-        )
+            self._owner[chosen], self._points[chosen], points[picked], along[picked],
+            distance[picked],
+        )  # fmt: skip
 
 
 def walked(ring: Path, along: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from grassfire.medial import MedialAxis
 from grassfire.plan import entry, link
-from grassfire.plan.link import Front, Interior, RingPlace, RingSet
+from grassfire.plan.link import Facing, Front, Interior, RingPlace, RingSet
 from grassfire.plan.path import BoolArray, Path
 from grassfire.plan.rings import (
     MOST_CUT_OFF,
@@ -135,6 +135,7 @@ class OffsetPocket:
         self._places: dict[int, BoolArray] = {}
         self._wide_places: dict[int, BoolArray] = {}
         self._fronts: dict[int, Front] = {}
+        self._faced: dict[int, dict[int, Facing]] = {}
         self._done: int | None = None
         self._cut: list[tuple[int, Path]] = []
         self._parent = {child: index for index, part in enumerate(parts) for child in part.children}
@@ -350,9 +351,8 @@ class OffsetPocket:
             cleared += MOST_CUT_OFF * self._settings.tool_radius
         found = self._route(rings, inside, last)
         if part.children and (found is None or found.length > 2 * self._spacing):
-            detour = self._detour(index, rings, last)
-            if detour is not None and (found is None or detour.length < found.length):
-                found = detour
+            least = np.inf if found is None else found.length
+            found = self._detour(index, rings, last, least) or found
         if found is not None:
             for leg in found.legs:
                 self._feed(leg.path, Role.LINK, leg.air)
@@ -363,39 +363,57 @@ class OffsetPocket:
         lap = self._hop(rings, inside, index, goal, cleared)
         return self._ramp(rings, ring, last.end, wall) if lap is None else lap
 
-    def _detour(self, index: int, rings: RingSet, last: Path) -> _Route | None:
-        """Back to a ring of a component inside, along a way in that, and out to a ring left."""
+    def _facing(self, index: int, rings: RingSet, chosen: Sequence[int]) -> list[Facing]:
+        """Places of chosen rings of a component that face those of the components inside it."""
+        known = self._faced.setdefault(index, {})
+        missing = [ring for ring in chosen if ring not in known]
+        found = self._fronts[index].facing(
+            [rings.rings[ring] for ring in missing], self._inside(index)
+        )
+        known.update(zip(missing, found, strict=True))
+        return [known[ring] for ring in chosen]
+
+    def _detour(self, index: int, rings: RingSet, last: Path, most: float) -> _Route | None:
+        """Back to a ring of a component inside, along a way in that, and out to a ring left.
+
+        None where that is not shorter than `most`, or so long that a retract is quicker.
+        """
         if index not in self._fronts:
             kept = self._parts[index].children
             self._fronts[index] = Front(
                 [(child, ring) for child in kept for ring in self._parts[child].rings]
             )
-        front, inside = self._fronts[index], self._inside(index)
-        exits = front.near(last.end, inside)
+        exits = self._fronts[index].near(last.end, self._inside(index))
+        if not exits:
+            return None
         options = []
-        for target in rings.nearest_left(last.end, NEIGHBOURS):
-            pairs = front.facing(rings.rings[target.ring], inside)
+        share = AIR if self._settings.fast_links else 1.0
+        chosen_rings = [place.ring for place in rings.nearest_left(last.end, NEIGHBOURS)]
+        facing = self._facing(index, rings, chosen_rings)
+        for ring, pairs in zip(chosen_rings, facing, strict=True):
             for child, point, gap in exits:
-                straight = np.hypot(*(pairs.starts - point).T) + pairs.distance + gap
+                inner = np.hypot(*(pairs.starts - point).T)
+                straight = inner + pairs.distance + gap
                 straight[pairs.from_owner != child] = np.inf
                 if len(straight) and np.isfinite(straight.min()):
                     chosen = int(np.argmin(straight))
-                    key = (float(straight[chosen]), target.ring, child)
-                    options.append((key, point, pairs, chosen))
+                    floor = float(share * inner[chosen] + pairs.distance[chosen] + gap)
+                    key = (float(straight[chosen]), ring, child)
+                    options.append((key, floor, point, pairs, chosen))
         best: _Route | None = None
         options.sort(key=lambda option: option[0])
-        share = AIR if self._settings.fast_links else 1.0
-        for (least, ring, child), point, pairs, chosen in options[:MOST_WAYS]:
-            if best is not None and least * share >= best.length:
-                break
-            legs = self._inner_way(child, last.end, point, pairs.starts[chosen])
+        for (_, ring, child), floor, point, pairs, chosen in options[:MOST_WAYS]:
             place = RingPlace(ring, pairs.target(chosen))
+            longest = self._longest(place.nearest.point, last.end)
+            # no way is shorter than the straight one
+            if floor >= most or floor > longest:
+                continue
+            legs = self._inner_way(child, last.end, point, pairs.starts[chosen])
             if legs is None:
                 continue
             length = sum(self._worth(leg) for leg in legs) + place.nearest.distance
-            shortest = best is None or length < best.length
-            if shortest and length <= self._longest(place.nearest.point, last.end):
-                best = _Route(legs, place, length)
+            if length < most and length <= longest:
+                best, most = _Route(legs, place, length), length
         return best
 
     def _worth(self, leg: Leg) -> float:

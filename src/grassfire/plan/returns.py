@@ -83,9 +83,17 @@ class Returns:
         return self._clear(self._walls.frame(places))
 
     def holds(
-        self, starts: FloatArray, ends: FloatArray, certain: BoolArray | None = None
+        self,
+        starts: FloatArray,
+        ends: FloatArray,
+        certain: BoolArray | None = None,
+        bite: float = ROOM,
     ) -> BoolArray:
-        """Whether each straight way (drawing) lies in cleared area; `certain` is not needed."""
+        """Whether each straight way (drawing) lies in cleared area.
+
+        `bite` is how much nearer to stock than its radius the tool may come, as a part of it;
+        `certain` is not needed.
+        """
         gap = np.hypot(*(ends - starts).T)
         count = np.maximum(2, np.ceil(gap / (PROBE * self._radius)).astype(np.int64) + 1)
         owner = np.repeat(np.arange(len(gap)), count)
@@ -93,7 +101,7 @@ class Returns:
         share = (np.arange(len(owner)) - first) / (count[owner] - 1)
         places = starts[owner] + (ends - starts)[owner] * share[:, None]
         held = np.ones(len(gap), dtype=bool)
-        held[owner[~self._clear(places)]] = False
+        held[owner[~self._clear(places, bite)]] = False
         return held
 
     @cached_property
@@ -104,12 +112,12 @@ class Returns:
         places = self._walls.frame(way.sample(PROBE * self._radius)[0])
         return bool(self._clear(places).all())
 
-    def _clear(self, places: FloatArray) -> BoolArray:
+    def _clear(self, places: FloatArray, bite: float = ROOM) -> BoolArray:
         """Where on ways in the drawing the tool touches neither wall nor stock."""
         good = np.asarray(self._walls.room(self._walls.frame(places)) >= -1e-3)
         if self._stock is None or not good.any():
             return good
-        least = self._radius * (1 - ROOM)
+        least = self._radius * (1 - bite)
         near = self._stock.query(places[good], distance_upper_bound=least)[0]
         good[np.flatnonzero(good)[np.isfinite(near)]] = False
         return good

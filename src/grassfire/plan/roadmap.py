@@ -8,7 +8,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
@@ -186,9 +186,14 @@ class RoadMap:
         allowed : (n,) bool array
             Places that the way may use.
         """
-        if inside.holds(start[None], end[None])[0]:
+        tails, heads = self._near(start, allowed), self._near(end, allowed)
+        # straight to the end, and to the places near either end
+        begins = np.repeat(np.stack([start, start, end]), [1, len(tails), len(heads)], axis=0)
+        goals = np.concatenate([end[None], self.points[tails], self.points[heads]])
+        held = inside.holds(begins, goals, certain=np.arange(len(goals)) > 0)
+        if held[0]:
             return polyline([start, end])
-        tails, heads = self._seen(start, inside, allowed), self._seen(end, inside, allowed)
+        tails, heads = tails[held[1 : len(tails) + 1]], heads[held[len(tails) + 1 :]]
         nodes = self._shortest(start, end, tails, heads, allowed, self._length)
         if nodes is None:
             return None
@@ -268,6 +273,13 @@ class RoadMap:
         ]
         return [Leg(path, flag) for path, flag in runs if path is not None]
 
+    def _near(self, point: FloatArray, allowed: BoolArray) -> IntArray:
+        """Places near a point, the nearest first."""
+        rows = np.flatnonzero(allowed)
+        gap = self.points[rows] - point
+        away = np.hypot(gap[:, 0], gap[:, 1])
+        return np.asarray(rows[np.argsort(away, kind="stable")[:SEEN]])
+
     def _seen(
         self, point: FloatArray, inside: Holding, allowed: BoolArray, certain: bool = True
     ) -> IntArray:
@@ -275,12 +287,26 @@ class RoadMap:
 
         `certain` says that places that are allowed lie strictly inside it.
         """
-        rows = np.flatnonzero(allowed)
-        gap = self.points[rows] - point
-        near = rows[np.argsort(np.hypot(gap[:, 0], gap[:, 1]), kind="stable")[:SEEN]]
+        near = self._near(point, allowed)
         starts = np.repeat(point[None], len(near), axis=0)
         known = np.full(len(near), certain)
         return np.asarray(near[inside.holds(starts, self.points[near], certain=known)])
+
+    @cached_property
+    def _template(self) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+        """Rows of all places for the search of ways: ends of rows, columns, links, own slots.
+
+        Each place has its neighbours, and in its last slot the goal, which is numbered behind the
+        start, and both behind the places.
+        """
+        total, count = len(self.radius), len(self._first)
+        links = np.arange(count)
+        row = np.concatenate([self._first, self._second, np.arange(total)])
+        column = np.concatenate([self._second, self._first, np.full(total, total + 1)])
+        link = np.concatenate([links, links, np.full(total, count)])
+        order = np.lexsort((column, row))
+        ends = np.cumsum(np.bincount(row, minlength=total))
+        return ends, column[order], link[order], ends - 1
 
     def _shortest(
         self,
@@ -295,20 +321,21 @@ class RoadMap:
         if not len(tails) or not len(heads):
             return None
         total = len(self.radius)
-        usable = np.flatnonzero(allowed[self._first] & allowed[self._second])
-        to_tails = np.hypot(*(self.points[tails] - start).T)
-        to_heads = np.hypot(*(self.points[heads] - end).T)
-        first = np.concatenate(
-            [self._first[usable], np.full(len(tails), total), np.full(len(heads), total + 1)]
+        usable = allowed[self._first] & allowed[self._second]
+        ends, column, link, slot = self._template
+        value = np.append(np.where(usable, np.maximum(weight, 1e-9), np.inf), np.inf)[link]
+        value[slot[heads]] = np.maximum(np.hypot(*(self.points[heads] - end).T), 1e-9)
+        lead = np.maximum(np.hypot(*(self.points[tails] - start).T), 1e-9)
+        size = len(column) + len(tails)
+        matrix = csr_matrix(
+            (
+                np.concatenate([value, lead]),
+                np.concatenate([column, tails]),
+                np.concatenate([[0], ends, [size, size]]),
+            ),
+            shape=(total + 2, total + 2),
         )
-        second = np.concatenate([self._second[usable], tails, heads])
-        value = np.concatenate([weight[usable], to_tails, to_heads])
-        matrix = coo_matrix(
-            (np.maximum(value, 1e-9), (first, second)), shape=(total + 2, total + 2)
-        ).tocsr()
-        distance, previous = dijkstra(
-            matrix, directed=False, indices=total, return_predecessors=True
-        )
+        distance, previous = dijkstra(matrix, indices=total, return_predecessors=True)
         if not np.isfinite(distance[total + 1]):
             return None
         nodes = []

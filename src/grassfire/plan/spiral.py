@@ -382,11 +382,12 @@ def widest_step(points: FloatArray, rounded: FloatArray, seams: FloatArray) -> f
         return 0.0
     marks = np.sort(cKDTree(points).query(seams)[1])
     laps = np.split(rounded, marks)
-    return max(
+    steps = (
         float(cKDTree(inner).query(outer[::SPARSE])[0].max())
         for inner, outer in pairwise(laps)
         if len(inner) and len(outer)
     )
+    return max(steps, default=0.0)
 
 
 def _fading(count: int, length: int, hold: int = 0) -> FloatArray:

@@ -1,0 +1,423 @@
+"""Laws of clearing at bounded engagement, measured with polygons and disks alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from itertools import pairwise
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from adaptive_measure import engagement, longest_over, swept, track
+from grassfire.errors import InputError, PlanningError
+from grassfire.geometry import Arc, Line, Loop, Region, flatten
+from grassfire.job import Job, parse_job
+from grassfire.medial import medial_axis
+from grassfire.plan import plan_operation
+from grassfire.plan.adaptive import adaptive_pockets
+from grassfire.plan.fronts import Disks, densified, joined, length, runs, swept_edge
+from grassfire.plan.path import Path
+from grassfire.plan.pursuit import unit, wrapped
+from grassfire.plan.smooth import fit, rounded, tangent_link
+from grassfire.plan.strategy import ClearingSettings
+from grassfire.plan.strokes import Stroke, StrokeKind
+from grassfire.plan.walls import Walls, mirrored, mirrored_path
+from grassfire.report import Finding
+from grassfire.toolpath import FloatArray, Role
+
+RADIUS = 3.0
+RESOLUTION = 1.0
+"""Of the rim of the measurement, degrees."""
+
+JOB = """
+[input]
+file = "pocket.dxf"
+[[tools]]
+number = 1
+diameter = 6.0
+spindle_speed = 18000
+feed = 1200
+plunge_feed = 400
+[[operations]]
+strategy = "adaptive"
+tool = 1
+depth = 3.0
+"""
+
+
+def polygon(*points: tuple[float, float]) -> Loop:
+    """Straight sides between corners."""
+    corners = [np.array(point, dtype=float) for point in points]
+    sides = zip(corners, corners[1:] + corners[:1], strict=True)
+    return Loop(tuple(Line(start, end) for start, end in sides))
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> Loop:
+    """An upright rectangle."""
+    return polygon((x0, y0), (x1, y0), (x1, y1), (x0, y1))
+
+
+REGIONS: dict[str, Callable[[], Region]] = {
+    "rectangle": lambda: Region(box(-15, -10, 15, 10), ()),
+    "ell": lambda: Region(polygon((0, 0), (32, 0), (32, 14), (14, 14), (14, 30), (0, 30)), ()),
+    "triangle": lambda: Region(polygon((0, 0), (40, 0), (12, 30)), ()),
+    "island": lambda: Region(
+        box(0, 0, 36, 26), (Loop((Arc(np.array([20.0, 13.0]), 4.0, 0.0, 2 * np.pi),)),)
+    ),
+    "corridor": lambda: Region(box(0, 0, 40, 7.2), ()),
+}
+
+LONGEST_OVER = {
+    ("rectangle", 0.4): 0.2,
+    ("ell", 0.4): 0.2,
+    ("triangle", 0.4): 0.4,
+    ("island", 0.4): 0.25,
+    ("corridor", 0.4): 0.4,
+    ("rectangle", 0.2): 0.2,
+    ("corridor", 0.2): 0.6,
+}
+"""Length for which the engagement may be more than 1.5 degrees above the limit, mm."""
+
+
+def settings_of(part: float = 0.4, climb: bool = True) -> ClearingSettings:
+    """For a 6 mm tool, at a width of cut as a part of the diameter."""
+    return ClearingSettings(
+        tool_radius=RADIUS,
+        wall=RADIUS - 2e-4,
+        stepover=2 * RADIUS * part,
+        engagement=float(np.arccos(1 - 2 * part)),
+        tolerance=7e-4,
+        entry="helix",
+        slope=float(np.radians(3.0)),
+        drop=3.5,
+        step=3.0,
+        climb=climb,
+        finish=True,
+        fast_links=False,
+        longest_walk=40.0,
+        minimum_radius=0.0,
+    )
+
+
+def plan(region: Region, part: float = 0.4, climb: bool = True) -> list[Stroke]:
+    """All strokes of a region, those of the wall pass included."""
+    pockets, _ = adaptive_pockets(medial_axis(region), settings_of(part, climb))
+    for pocket in pockets:
+        pocket.plan(pocket.peak)
+    return [stroke for pocket in pockets for stroke in [*pocket.strokes, *pocket.finish]]
+
+
+@cache
+def planned(name: str, part: float = 0.4) -> tuple[Stroke, ...]:
+    """The same for a region of the list."""
+    return tuple(plan(REGIONS[name](), part))
+
+
+@cache
+def area_of(name: str) -> shapely.Polygon:
+    """A region of the list as a polygon."""
+    region = REGIONS[name]()
+    return shapely.Polygon(
+        flatten(region.outer, 1e-4), [flatten(loop, 1e-4) for loop in region.islands]
+    )
+
+
+# -- what the tool meets --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("name", "part"), LONGEST_OVER)
+def test_engagement_keeps_to_the_limit(name: str, part: float) -> None:
+    start, way = track(planned(name, part))
+    angle = np.degrees(engagement(area_of(name), start, way, RADIUS))
+    limit = np.degrees(np.arccos(1 - 2 * part)) + RESOLUTION
+    assert longest_over(angle, way.gap, limit + 1.5) <= LONGEST_OVER[name, part]
+    assert longest_over(angle, way.gap, limit + 6.0) <= 0.2
+    # a cut that never came near the limit would waste time
+    assert np.percentile(angle[angle > 0], 90) > limit - 5.0
+    # ways through cleared area may graze stock by a hundredth of the tool radius
+    assert angle[way.air].max() <= 25.0
+    finishing = np.where(way.role == Role.FINISH, angle, 0.0)
+    assert longest_over(finishing, way.gap, 25.0) <= 0.2
+
+
+@pytest.mark.parametrize("name", REGIONS)
+def test_tool_keeps_to_the_pocket_and_clears_it(name: str) -> None:
+    strokes, area = planned(name), area_of(name)
+    way = track(strokes)[1]
+    assert shapely.distance(shapely.points(way.points), area.boundary).min() >= RADIUS - 0.004
+    assert shapely.contains_xy(area, way.points).all()
+    reached = area.buffer(-RADIUS + 2e-4, quad_segs=64).buffer(RADIUS - 2e-4, quad_segs=64)
+    assert reached.difference(swept(strokes, RADIUS)).area <= 5e-4 * reached.area
+
+
+@pytest.mark.parametrize("name", REGIONS)
+def test_strokes_follow_each_other(name: str) -> None:
+    strokes = planned(name)
+    assert strokes[0].kind is StrokeKind.DESCEND
+    for before, after in pairwise(strokes):
+        if after.kind is StrokeKind.FEED:
+            assert np.hypot(*(before.path.end - after.path.start)) < 1e-6
+
+
+@pytest.mark.parametrize("name", REGIONS)
+def test_one_region_needs_few_retracts(name: str) -> None:
+    assert sum(stroke.kind is StrokeKind.HOP for stroke in planned(name)) <= 1
+
+
+def test_the_same_twice() -> None:
+    for one, two in zip(planned("island"), plan(REGIONS["island"]()), strict=True):
+        assert one.kind is two.kind and one.role is two.role
+        assert np.array_equal(one.path.points, two.path.points)
+        assert np.array_equal(one.path.sweep, two.path.sweep)
+
+
+def test_conventional_is_the_mirror_image_of_climb() -> None:
+    region = REGIONS["ell"]()
+    image = region.transformed(np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]))
+    climb, conventional = plan(region), plan(image, climb=False)
+    one = shapely.MultiLineString([s.path.sample(0.2)[0] for s in climb if s.path.length])
+    two = [mirrored(s.path.sample(0.2)[0]) for s in conventional if s.path.length]
+    assert sum(s.path.length for s in conventional) == pytest.approx(
+        sum(s.path.length for s in climb), rel=0.05
+    )
+    assert shapely.hausdorff_distance(one, shapely.MultiLineString(two)) < RADIUS
+
+
+@pytest.mark.parametrize("climb", [True, False])
+def test_the_opening_spiral_turns_as_asked(climb: bool) -> None:
+    strokes = plan(REGIONS["rectangle"](), climb=climb)
+    spiral = next(stroke for stroke in strokes if stroke.role is Role.CUT)
+    first = spiral.path.sweep[spiral.path.sweep != 0][:20]
+    assert np.all((first > 0) == climb)
+
+
+# -- jobs, findings, errors -----------------------------------------------------------------------
+
+
+def job_of(*lines: str) -> Job:
+    """A job with more lines in its operation."""
+    return parse_job(JOB + "\n".join(lines), FilePath("job.toml"))
+
+
+def cut_length(job: Job) -> float:
+    """Length of a planned rectangle, mm."""
+    axis = medial_axis(REGIONS["rectangle"]())
+    found = plan_operation([axis], job.operations[0], job.tools[0], job)
+    return float(np.nansum(found.toolpath.length))
+
+
+def test_limit_by_angle_is_limit_by_width() -> None:
+    angle = np.degrees(np.arccos(1 - 2 * 0.3))
+    by_width = cut_length(job_of("stepover = 0.3"))
+    assert cut_length(job_of(f"engagement_angle = {angle:.12f}")) == pytest.approx(by_width)
+    assert cut_length(job_of("engagement_angle = 40.0")) > 1.5 * by_width
+
+
+@pytest.mark.parametrize("entry", ["plunge", "ramp"])
+def test_entries_that_begin_with_a_slot_are_refused(entry: str) -> None:
+    with pytest.raises(InputError, match="enters by helix"):
+        job_of(f'entry = "{entry}"')
+
+
+def findings_of(width: float) -> tuple[int, list[Finding]]:
+    """Number of pockets and findings of a straight slot."""
+    axis = medial_axis(Region(box(0, 0, 40, width), ()))
+    pockets, findings = adaptive_pockets(axis, settings_of())
+    return len(pockets), findings
+
+
+def test_a_slot_hardly_wider_than_the_tool_is_told() -> None:
+    count, findings = findings_of(6.2)
+    assert count == 1
+    assert [finding.code for finding in findings] == ["full-width"]
+    assert findings[0].size == pytest.approx(6.2)
+
+
+def test_a_pocket_that_the_tool_does_not_fit_is_an_error() -> None:
+    job = job_of()
+    axis = medial_axis(Region(box(0, 0, 40, 5.9), ()))
+    with pytest.raises(PlanningError, match="fits nowhere"):
+        plan_operation([axis], job.operations[0], job.tools[0], job)
+
+
+# -- fronts ---------------------------------------------------------------------------------------
+
+
+def bent(seed: int, count: int = 60) -> FloatArray:
+    """A gently bent chain that does not meet itself."""
+    random = np.random.default_rng(seed)
+    heading = np.cumsum(random.uniform(-0.12, 0.12, count))
+    heading = np.clip(heading, -1.0, 1.0)
+    return np.concatenate([np.zeros((1, 2)), np.cumsum(0.5 * unit(heading), axis=0)])
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_swept_edge_is_the_right_side_of_the_swept_area(seed: int) -> None:
+    chain = bent(seed)
+    edge, piece = swept_edge(chain, RADIUS, 0.1)
+    line = shapely.LineString(chain)
+    away = shapely.distance(shapely.points(edge), line)
+    outer = edge[away >= RADIUS - 1e-6]
+    assert away.max() <= RADIUS + 1e-9
+    side = line.buffer(-RADIUS, single_sided=True, quad_segs=64)
+    assert shapely.distance(shapely.points(outer), side).max() < 2e-3
+    # and all of it: what is as far from the chain as the radius, on its right
+    rim = shapely.get_coordinates(shapely.segmentize(side.exterior, 0.2))
+    rim = rim[shapely.distance(shapely.points(rim), line) > RADIUS - 1e-3]
+    assert shapely.distance(shapely.points(rim), shapely.LineString(outer)).max() < 0.05
+    assert np.all(np.diff(piece) >= 0) and piece.max() < len(chain) - 1
+
+
+def test_a_chain_without_length_sweeps_no_edge() -> None:
+    edge, piece = swept_edge(np.zeros((3, 2)), RADIUS, 0.1)
+    assert len(edge) == len(piece) == 0
+
+
+def test_densified_chains_keep_their_points() -> None:
+    chain = bent(5)
+    fine = densified(chain, 0.11)
+    assert np.hypot(*np.diff(fine, axis=0).T).max() <= 0.11
+    assert length(fine) == pytest.approx(length(chain), abs=1e-9)
+    assert shapely.distance(shapely.points(chain), shapely.MultiPoint(fine)).max() < 1e-12
+
+
+def test_runs_are_maximal_and_part_at_gaps() -> None:
+    chain = np.stack([np.arange(10.0), np.zeros(10)], axis=1)
+    chain[7:, 0] += 5.0
+    good = np.array([1, 1, 0, 0, 1, 1, 1, 1, 1, 0], dtype=bool)
+    assert [part[:, 0].tolist() for part in runs(chain, good, 2.0)] == [
+        [0.0, 1.0],
+        [4.0, 5.0, 6.0],
+        [12.0, 13.0],
+    ]
+    assert runs(chain, np.zeros(10, dtype=bool), 2.0) == []
+
+
+def test_fronts_that_continue_each_other_are_one() -> None:
+    chain = densified(bent(8), 0.15)
+    halves = [chain[100:], chain[:100]]
+    (whole,) = joined(halves, RADIUS, 0.15)
+    assert length(whole) == pytest.approx(length(chain), abs=0.05)
+    assert whole[0] == pytest.approx(chain[0])
+    apart = [chain[:100], chain[100:] + np.array([0.0, 2.0])]
+    assert len(joined(apart, RADIUS, 0.15)) == 2
+
+
+def test_disks_know_the_nearest_centre() -> None:
+    random = np.random.default_rng(2)
+    parts = [random.uniform(0, 50, (count, 2)) for count in (40, 3, 90, 1, 400)]
+    disks, every = Disks(), np.concatenate(parts)
+    for part in parts:
+        disks.add(part)
+    asked = random.uniform(0, 50, (60, 2))
+    gap = np.hypot(*(asked[:, None] - every[None]).transpose(2, 0, 1)).min(axis=1)
+    assert disks.distance(asked, 2.0) == pytest.approx(np.where(gap < 2.0, gap, np.inf))
+
+
+# -- walls ----------------------------------------------------------------------------------------
+
+
+def test_wall_samples_go_round_and_slices_follow_them() -> None:
+    axis = medial_axis(REGIONS["rectangle"]())
+    corners = np.array([[-12, -7], [12, -7], [12, 7], [-12, 7], [-12, -7]], dtype=float)
+    ring = Path(corners, np.full((4, 2), np.nan), np.zeros(4))
+    for reflect in (False, True):
+        walls = Walls(axis, [ring], wall=3.0, step=0.15, reflect=reflect)
+        count = len(walls.points)
+        assert np.array_equal(walls.ahead(5, 4), [5, 6, 7, 8])
+        assert np.array_equal(walls.behind(1, 3), [1, 0, count - 1])
+        assert len(walls.ahead(0, 10 * count)) == count
+        assert walls.clearance(walls.points) == pytest.approx(3.0, abs=1e-9)
+        # the pocket stays on the left: the sense of the ring is that of climbing
+        x, y = walls.points.T
+        assert np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) > 0
+        for start, stop in ((3, 90), (count - 4, 20), (50, 0)):
+            part = walls.slice(start, stop)
+            assert part is not None
+            assert part.start == pytest.approx(walls.points[start], abs=1e-9)
+            assert part.end == pytest.approx(walls.points[stop], abs=1e-9)
+        assert walls.slice(7, 7) is None
+        assert walls.frame(walls.frame(corners)) == pytest.approx(corners)
+
+
+def test_mirrored_paths_turn_the_other_way() -> None:
+    path = Path(np.array([[2.0, 0], [0, 2.0]]), np.zeros((1, 2)), np.array([np.pi / 2]))
+    image = mirrored_path(path)
+    assert image.sweep[0] == -path.sweep[0]
+    assert mirrored(image.sample(0.1)[0]) == pytest.approx(path.sample(0.1)[0])
+
+
+# -- smooth ways ----------------------------------------------------------------------------------
+
+
+def corner_angles(path: Path) -> FloatArray:
+    """Turns where pieces meet, radians."""
+    chord = np.diff(path.points, axis=0)
+    direction = np.arctan2(chord[:, 1], chord[:, 0])
+    leave, arrive = direction - path.sweep / 2, direction + path.sweep / 2
+    return np.abs(wrapped(leave[1:] - arrive[:-1]))
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-5])
+def test_fitted_paths_keep_to_samples_without_corners(tolerance: float) -> None:
+    angle = np.linspace(0.0, 7.0, 1500)
+    points = np.stack([30 * np.cos(angle) + angle, 12 * np.sin(angle)], axis=1)
+    slope = np.stack([1 - 30 * np.sin(angle), 12 * np.cos(angle)], axis=1)
+    heading = np.arctan2(slope[:, 1], slope[:, 0])
+    path = fit(points, heading, np.full(1500, tolerance))
+    assert max(path.nearest(point).distance for point in points[::11]) <= tolerance * 1.001
+    assert corner_angles(path).max() < 1e-6
+    assert np.array_equal(path.start, points[0]) and np.array_equal(path.end, points[-1])
+    assert len(path) < len(fit(points, heading, np.full(1500, tolerance / 100)))
+
+
+def test_a_straight_way_is_lines() -> None:
+    points = np.stack([np.linspace(0, 50, 200), np.zeros(200)], axis=1)
+    path = fit(points, np.zeros(200), np.full(200, 1e-3))
+    assert np.all(path.sweep == 0.0)
+    assert path.length == pytest.approx(50.0)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    end=st.tuples(st.floats(-40, 40), st.floats(-40, 40)),
+    leave=st.floats(-3.1, 3.1),
+    arrive=st.floats(-3.1, 3.1),
+    radius=st.floats(0.3, 3.0),
+)
+def test_links_leave_and_arrive_as_tangents_and_turn_left(
+    end: tuple[float, float], leave: float, arrive: float, radius: float
+) -> None:
+    start, stop = np.zeros(2), np.array(end)
+    link = tangent_link(start, leave, stop, arrive, radius)
+    if link is None:
+        assert np.hypot(*stop) < 1e-5
+        return
+    assert link.start == pytest.approx(start, abs=1e-5)
+    assert link.end == pytest.approx(stop, abs=1e-5)
+    assert np.all(link.sweep >= 0)
+    chord = np.diff(link.points, axis=0)
+    direction = np.arctan2(chord[:, 1], chord[:, 0])
+    slack = 1e-4 / min(1.0, float(np.min(link.lengths)))
+    assert abs(wrapped(direction[0] - link.sweep[0] / 2 - leave)) < slack
+    assert abs(wrapped(direction[-1] + link.sweep[-1] / 2 - arrive)) < slack
+
+
+def test_no_link_between_a_place_and_itself() -> None:
+    assert tangent_link(np.ones(2), 0.5, np.ones(2), 0.5, 1.0) is None
+
+
+def test_rounded_chains_have_no_corners_and_stay_near() -> None:
+    corners = np.array([[0, 0], [10, 0], [10, 6], [16, 6], [16, 6.5], [30, 6.5]], dtype=float)
+    chain = Path(corners, np.full((5, 2), np.nan), np.zeros(5))
+    smooth = rounded(chain, 1.5)
+    assert corner_angles(smooth).max() < 1e-6
+    assert smooth.length < chain.length
+    line = shapely.LineString(corners)
+    assert shapely.distance(shapely.points(smooth.sample(0.05)[0]), line).max() < 1.5
