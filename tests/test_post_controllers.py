@@ -317,6 +317,8 @@ def test_plain_language_frame() -> None:
             assert ("IPA-" in line) <= ("DR-" in line)
     inch = render(two_tools(), definition("heidenhain").in_units("inch"), clearance_height=15)
     assert inch.startswith("0 BEGIN PGM TWO_TOOLS INCH\n")
+    # 300 and 1200 mm/min in tenths of an inch a minute
+    assert re.findall(r" F(\d\S*)", inch)[:2] == ["118", "472"]
 
 
 def test_angles_of_helices_do_not_add_up() -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -23,9 +24,13 @@ POSTS = tuple(find_posts())
 EXAMPLES = 15
 
 
+Units = Literal["mm", "inch"]
+
+
 def units_of(post: Post) -> tuple[float, float]:
     """Units of the last decimals of coordinates and feeds, mm and mm/min."""
-    return 10.0**-post.decimals, 10.0**-post.numbers.feed_decimals
+    tenths = 10 if post.name == "heidenhain" and post.scale != 1.0 else 1
+    return post.scale * 10.0**-post.decimals, post.scale * 10.0**-post.feed_decimals / tenths
 
 
 def slack_of(path: Toolpath, unit: float) -> float:
@@ -38,10 +43,11 @@ def slack_of(path: Toolpath, unit: float) -> float:
     return float(0.1 * np.sqrt(2) * unit + np.radians(0.5e-4) * np.nanmax(radius, initial=0.0))
 
 
-def check_post(name: str, program: Program, found: Deviation) -> None:
+def check_post(name: str, program: Program, found: Deviation, units: Units = "mm") -> None:
     """Write a program by a post, read it, compare."""
     post = load_post(name)
     assert isinstance(post, Post)
+    post = post.in_units(units)
     unit, feed_unit = units_of(post)
     for part in split_by_tool(program) if post.tool_change.split else (program,):
         text = render(part, post, clearance_height=CLEARANCE, tolerance=TOLERANCE)
@@ -58,12 +64,14 @@ def check_post(name: str, program: Program, found: Deviation) -> None:
             check(section.toolpath, back, unit, feed_unit, found, slack)
 
 
+@pytest.mark.parametrize("units", ["mm", "inch"])
 @pytest.mark.parametrize("name", POSTS)
-def test_planned_moves_come_back(name: str) -> None:
-    run(name, EXAMPLES)
+def test_planned_moves_come_back(name: str, units: Units) -> None:
+    found = run(name, EXAMPLES, units)
+    assert found.moves > 5 * EXAMPLES
 
 
-def run(name: str, count: int) -> Deviation:
+def run(name: str, count: int, units: Units = "mm") -> Deviation:
     """So many random programs by one post; the largest differences."""
     found = Deviation()
 
@@ -77,7 +85,7 @@ def run(name: str, count: int) -> Deviation:
     )
     @given(programs())
     def law(program: Program) -> None:
-        check_post(name, program, found)
+        check_post(name, program, found, units)
 
     law()
     return found

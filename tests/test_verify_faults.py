@@ -301,7 +301,7 @@ def harmful(sample: Sample, text: str) -> bool:
         program = read_program(text)
     except InputError:
         return True
-    return SlowJudge(sample.targets).judge(program).harmful
+    return SlowJudge(sample.targets, slices=4).judge(program).harmful
 
 
 @pytest.mark.parametrize("name", SAMPLES)

@@ -186,12 +186,12 @@ def svg(picture: Picture) -> str:
             body.append(f'<path d="{data}" fill="none" stroke="{colour}" {extra}/>')
             used.append((label, colour))
     for number, (label, colour) in enumerate(used):
-        x, y = MARGIN + 120 * number, height - 10
+        x, y = MARGIN + 124 * number, height - 10
         body.append(f'<path d="M{x:g} {y - 4:g}h22" stroke="{colour}" stroke-width="3"/>')
         body.append(f'<text x="{x + 28:g}" y="{y:g}">{label}</text>')
     head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {height}">'
     title = f"<title>{picture.strategy} on {picture.pocket}</title>"
-    style = "<style>text{font:13px sans-serif;fill:#333}</style>"
+    style = "<style>text{font:12px sans-serif;fill:#333}</style>"
     ground = f'<rect width="{WIDTH:g}" height="{height}" fill="#fff"/>'
     return "\n".join([head, title, style, ground, *body, "</svg>", ""])
 

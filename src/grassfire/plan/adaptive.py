@@ -10,6 +10,8 @@ divide fronts; behind them fronts meet and eat up what is left between them.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -156,7 +158,8 @@ class AdaptivePocket:
         settings = self._settings
         rings = [ring if settings.climb else ring.reversed() for ring in self._part.rings]
         last = wall_pass(self._axis, rings, settings, self._walls.frame(place[None])[0])
-        (self.finish if settings.finish else self.strokes).extend(last)
+        self.strokes += [replace(stroke, between=settings.finish) for stroke in last]
+        self.finish += last if settings.finish else []
         return np.asarray(last[-1].path.end)
 
     def _enter(self) -> tuple[FloatArray, float]:

@@ -11,13 +11,10 @@ import numpy as np
 from grassfire.errors import PlanningError
 from grassfire.job import Job, Operation, Tool
 from grassfire.medial import MedialAxis
-from grassfire.plan.adaptive import adaptive_pockets
 from grassfire.plan.depth import pass_floors
 from grassfire.plan.feeds import Feeds, entry_feed
-from grassfire.plan.offset import offset_pockets
 from grassfire.plan.order import tour
 from grassfire.plan.reach import Reach, reach
-from grassfire.plan.spiral import spiral_pockets
 from grassfire.plan.strategy import ClearingSettings, PocketPlan
 from grassfire.plan.strokes import Emitter, Levels
 from grassfire.report import Finding, Severity
@@ -56,9 +53,33 @@ class PlannedOperation:
     unreachable_area: float
 
 
-_STRATEGIES: dict[
-    str, Callable[[MedialAxis, ClearingSettings], tuple[list[PocketPlan], list[Finding]]]
-] = {"adaptive": adaptive_pockets, "offset": offset_pockets, "spiral": spiral_pockets}
+Strategy = Callable[[MedialAxis, ClearingSettings], tuple[list[PocketPlan], list[Finding]]]
+
+
+def _adaptive() -> Strategy:
+    from grassfire.plan.adaptive import adaptive_pockets
+
+    return adaptive_pockets
+
+
+def _offset() -> Strategy:
+    from grassfire.plan.offset import offset_pockets
+
+    return offset_pockets
+
+
+def _spiral() -> Strategy:
+    from grassfire.plan.spiral import spiral_pockets
+
+    return spiral_pockets
+
+
+_STRATEGIES: dict[str, Callable[[], Strategy]] = {
+    "adaptive": _adaptive,
+    "offset": _offset,
+    "spiral": _spiral,
+}
+"""Strategies by their names; only what an operation asks for is imported."""
 
 
 def plan_operation(
@@ -191,6 +212,7 @@ def _pockets(
     findings: list[Finding],
 ) -> list[tuple[int, PocketPlan]]:
     """All pockets of all regions that the tool fits into, each with the number of its region."""
+    strategy = _STRATEGIES[operation.strategy]()
     found: list[tuple[int, PocketPlan]] = []
     widest: tuple[float, FloatArray] | None = None
     for number, axis in enumerate(axes):
@@ -200,7 +222,7 @@ def _pockets(
         if radius < settings.wall:
             findings.append(_misfit(axis, float(radius), np.asarray(centre), operation, tool))
             continue
-        pockets, noticed = _STRATEGIES[operation.strategy](axis, settings)
+        pockets, noticed = strategy(axis, settings)
         found += [(number, pocket) for pocket in pockets]
         # what holds for all regions alike is said once
         findings += [item for item in noticed if item.place is not None or item not in findings]

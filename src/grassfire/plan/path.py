@@ -111,27 +111,25 @@ class Path:
         return Path(self.points[::-1], self.centre[::-1], -self.sweep[::-1])
 
     def _locate(self, along: FloatArray) -> tuple[IntArray, FloatArray]:
-        inside = np.clip(along, 0.0, self.length)
-        piece = np.searchsorted(self.cumulative, inside, side="right") - 1
-        piece = np.clip(piece, 0, len(self) - 1)
+        inside = np.minimum(np.maximum(along, 0.0), self.length)
+        piece = self.cumulative.searchsorted(inside, side="right") - 1
+        piece = np.minimum(np.maximum(piece, 0), len(self) - 1)
         size = np.maximum(self.lengths[piece], 1e-300)
-        return piece, np.clip((inside - self.cumulative[piece]) / size, 0.0, 1.0)
+        fraction = (inside - self.cumulative[piece]) / size
+        return piece, np.minimum(np.maximum(fraction, 0.0), 1.0)
 
     def _evaluate(self, piece: IntArray, fraction: FloatArray) -> FloatArray:
         begin, end = self.points[piece], self.points[piece + 1]
-        straight = begin + (end - begin) * fraction[..., None]
-        angle = self.sweep[piece] * fraction
-        offset = begin - self.centre[piece]
-        cos, sin = np.cos(angle), np.sin(angle)
-        turned = np.stack(
-            [
-                cos * offset[..., 0] - sin * offset[..., 1],
-                sin * offset[..., 0] + cos * offset[..., 1],
-            ],
-            axis=-1,
-        )
-        round_ = self.centre[piece] + turned
-        exact = np.where(self.is_arc[piece][..., None], round_, straight)
+        exact = begin + (end - begin) * fraction[..., None]
+        arc = self.is_arc[piece]
+        if arc.any():
+            angle, centre = self.sweep[piece] * fraction, self.centre[piece]
+            offset = begin - centre
+            cos, sin = np.cos(angle), np.sin(angle)
+            turned = np.empty_like(offset)
+            turned[..., 0] = cos * offset[..., 0] - sin * offset[..., 1]
+            turned[..., 1] = sin * offset[..., 0] + cos * offset[..., 1]
+            exact = np.where(arc[..., None], centre + turned, exact)
         return np.where((fraction >= 1.0)[..., None], end, exact)
 
     def at(self, along: FloatArray) -> FloatArray:

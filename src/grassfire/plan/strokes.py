@@ -53,6 +53,8 @@ class Stroke:
         CUT: leaves the finished wall.
     steady : bool
         CUT: its engagement is known not to exceed that of a straight cut.
+    between : bool
+        Left out at the last depth, where the finishing strokes do the same.
     """
 
     kind: StrokeKind
@@ -62,6 +64,7 @@ class Stroke:
     wall: bool = False
     approach: Path | None = None
     steady: bool = False
+    between: bool = False
 
 
 @dataclass(frozen=True)
@@ -209,7 +212,10 @@ class Emitter:
         """All passes of one pocket, then its finishing strokes on the last floor."""
         previous = self.levels.top
         for index, floor in enumerate(floors.tolist()):
+            last = index == len(floors) - 1
             for stroke in strokes:
+                if stroke.between and last:
+                    continue
                 self.stroke(stroke, previous, floor, first_pass=index == 0)
             previous = floor
         for stroke in finish:

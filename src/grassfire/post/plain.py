@@ -54,6 +54,10 @@ class _PlainLanguage(Renderer):
     def _is_numbered(self, line: str) -> bool:
         return True
 
+    def _feed_word(self, feed: float) -> str:
+        """F, which counts tenths of an inch a minute in programs in inches."""
+        return super()._feed_word(10 * feed if self.post.scale != 1.0 else feed)
+
     def _forget_position(self) -> None:
         super()._forget_position()
         self.turned = self.pole = None
