@@ -258,6 +258,7 @@ def test_internal_errors_are_one_line_unless_asked(
     code, _, stderr = invoke("--traceback", "run", "a.toml")
     assert code == 3
     assert "Traceback" in stderr
+    one_line(invoke("run", "a.toml")[2])  # it was asked for once
 
 
 def test_an_interrupt_is_told_apart(invoke: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -299,7 +299,7 @@ def test_a_drawing_in_the_wrong_units_is_refused(tmp_path: Path) -> None:
 # Seeded faults in the text of real programs
 
 
-JOBS = {"bracket": range(19), "leaf": range(0, 19, 2), "plate": range(1, 19, 2)}
+JOBS = {"bracket": range(19), "leaf": range(0, 19, 4), "plate": range(2, 19, 4)}
 """Demo jobs, and the seeds that each gets: all kinds of changes, and half of them twice."""
 
 

@@ -517,12 +517,16 @@ def _options(
 def invoke(arguments: Sequence[str]) -> int:
     """Run a command line; the exit code."""
     boundary = _Boundary()
+    asked_before = os.environ.get(TRACEBACK_VARIABLE)
     with boundary:
         code = command(list(arguments), prog_name="grassfire", standalone_mode=False)
         boundary.code = code if isinstance(code, int) else 0
         # The parser takes an interrupt for itself and returns its exit code.
         if boundary.code == INTERRUPTED:
             raise KeyboardInterrupt
+    # --traceback is for this command line only.
+    if asked_before is None:
+        os.environ.pop(TRACEBACK_VARIABLE, None)
     return boundary.code
 
 

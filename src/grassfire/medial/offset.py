@@ -237,7 +237,7 @@ class Walker:
             np.concatenate([np.zeros(0, dtype=np.int64), *crossing]),
             np.repeat(np.asarray(distances, dtype=np.float64), count),
         )
-        places = np.split(place, np.cumsum(count)[:-1])
+        places = np.split(place, np.cumsum(count))[:-1]
         return [
             self._stretches(from_in, to_in, part, where)
             for (from_in, to_in), part, where in zip(kept, crossing, places, strict=True)
@@ -371,7 +371,7 @@ class Walker:
         ends = [np.stack([item.start, item.end], axis=1) for item in kept]
         span = self.axis.span.take(row)
         facing = evaluate_span(self.sites, span, np.concatenate([np.zeros((0, 2)), *ends]))[1]
-        return np.split(facing, np.cumsum([len(item.row) for item in kept])[:-1])
+        return np.split(facing, np.cumsum([len(item.row) for item in kept]))[:-1]
 
     def loops(
         self,

@@ -66,6 +66,9 @@ LAP = 0.5
 LANDINGS = 40
 """Cleared places that are tried for coming down near the start of a cut."""
 
+BESIDE = 4
+"""Wall samples before and after what is left at a wall that are cut with it."""
+
 GRAZING = 0.1
 """How deep the way to a cut may bite in narrow places, as a part of the tool radius."""
 
@@ -145,6 +148,7 @@ class AdaptivePocket:
         self._returns = Returns(axis, self._walls, settings.wall, self._radius)
         self._cleared = Disks()
         self._fronts: list[FloatArray] = []
+        self._left: list[FloatArray] = []
         self._starts: dict[int, tuple[FloatArray, Start]] = {}
         self.peak = part.peak
         self.strokes: list[Stroke] = []
@@ -156,11 +160,44 @@ class AdaptivePocket:
         while self._fronts:
             place, heading = self._next(place, heading)
         settings = self._settings
+        corners = self._corners() if settings.finish else []
+        # each is worth its length and a way there; many of them are a lap
+        cost = sum(self._walls.size(low, high) + 3 * self._radius for low, high in corners)
+        lap = not settings.finish or cost > 0.6 * sum(ring.length for ring in self._part.rings)
+        if not lap:
+            place = self._cut_corners(corners, place, heading)
         rings = [ring if settings.climb else ring.reversed() for ring in self._part.rings]
         last = wall_pass(self._axis, rings, settings, self._walls.frame(place[None])[0])
-        self.strokes += [replace(stroke, between=settings.finish) for stroke in last]
+        if lap:
+            self.strokes += [replace(stroke, between=settings.finish) for stroke in last]
         self.finish += last if settings.finish else []
         return np.asarray(last[-1].path.end)
+
+    def _corners(self) -> list[tuple[int, int]]:
+        """Stretches of the walls where more than cusps are left: first and last samples."""
+        if not self._left:
+            return []
+        left = cKDTree(np.concatenate(self._left))
+        least = self._radius * (1 - ROOM)
+        near = np.isfinite(left.query(self._walls.points, distance_upper_bound=least)[0])
+        return self._walls.stretches(near, BESIDE)
+
+    def _cut_corners(
+        self, corners: list[tuple[int, int]], place: FloatArray, heading: float
+    ) -> FloatArray:
+        """Cut along stretches of the walls; returns where the tool is."""
+        for low, high in corners:
+            start = Start(low, self._walls.points[low], float(self._walls.heading[low]))
+            link = self._returns.way(place, heading, start, True)
+            if link is not None:
+                self._stroke(StrokeKind.FEED, link, Role.LINK, air=True)
+            elif np.hypot(*(place - start.point)) > 1e-9:
+                self._stroke(StrokeKind.HOP, entry.plunge(start.point), Role.LINK)
+            path = self._walls.slice(low, high)
+            if path is not None:
+                self._stroke(StrokeKind.FEED, path, Role.CUT)
+                place, heading = path.end, float(self._walls.heading[high])
+        return place
 
     def _enter(self) -> tuple[FloatArray, float]:
         """Helix in the largest disk, then the opening spiral; returns place and heading."""
@@ -211,7 +248,7 @@ class AdaptivePocket:
         pieces = self._tracer.cut(front, start, remaining)
         if sum(len(piece.points) for piece in pieces) < 2:
             # nothing to cut that a sample tells from nothing: the wall pass takes it
-            self._fronts.pop(index)
+            self._left.append(self._fronts.pop(index))
             return place, heading
         if link is not None:
             self._stroke(StrokeKind.FEED, link, Role.LINK, air=True)
@@ -220,7 +257,7 @@ class AdaptivePocket:
             landing = self._landing(place, start)
             if landing is None:
                 # stock on all sides: what is there can only be cut in full width
-                self._fronts.pop(index)
+                self._left.append(self._fronts.pop(index))
                 return place, heading
             if not np.array_equal(place, landing):
                 place = landing
@@ -303,12 +340,13 @@ class AdaptivePocket:
                 # a front that its own cut leaves as it is has no stock behind it
                 kept.append(front)
         self._cleared.add(swept)
-        kept = [
-            front
-            for front in kept + new
-            if len(front) > 2 and length(front) > SHORTEST * self._radius
-        ]
-        self._fronts = joined(kept, self._radius, self._step)
+        whole: list[FloatArray] = []
+        short: list[FloatArray] = []
+        for front in kept + new:
+            long = len(front) > 2 and length(front) > SHORTEST * self._radius
+            (whole if long else short).append(front)
+        self._left += short
+        self._fronts = joined(whole, self._radius, self._step)
         self._returns.update(self._fronts)
         known = {id(front) for front in self._fronts}
         self._starts = {key: value for key, value in self._starts.items() if key in known}

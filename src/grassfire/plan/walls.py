@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from grassfire.plan.link import Clearance
-from grassfire.plan.path import IntArray, Path, join
+from grassfire.plan.path import BoolArray, IntArray, Path, join
 from grassfire.toolpath import FloatArray
 
 
@@ -116,6 +116,31 @@ class Walls:
         """(m,) indices of the samples before it on the same ring, this one first."""
         first, size = int(self.first[sample]), int(self.count[sample])
         return np.asarray(first + (sample - first - np.arange(min(count, size))) % size)
+
+    def stretches(self, flags: BoolArray, beside: int) -> list[tuple[int, int]]:
+        """First and last samples of the runs of set flags, lengthened by some on either side."""
+        found: list[tuple[int, int]] = []
+        for first in np.unique(self.first).tolist():
+            size = int(self.count[first])
+            own = flags[first : first + size]
+            if not own.any():
+                continue
+            wide = (
+                np.convolve(np.tile(own, 3), np.ones(2 * beside + 1), "same")[size : 2 * size] > 0
+            )
+            if wide.all():
+                found.append((first, first + size - 1))
+                continue
+            turn = int(np.argmin(wide))
+            edges = np.flatnonzero(np.diff(np.roll(wide, -turn).astype(np.int8), append=0))
+            for low, high in edges.reshape(-1, 2).tolist():
+                found.append((first + (low + 1 + turn) % size, first + (high + turn) % size))
+        return found
+
+    def size(self, start: int, stop: int) -> float:
+        """Length of the ring from one sample forward to another, mm."""
+        ring = self.rings[int(self.ring[start])]
+        return float((self.along[stop] - self.along[start]) % ring.length)
 
     def slice(self, start: int, stop: int) -> Path | None:
         """The ring from one sample forward to another; None where they are the same."""
