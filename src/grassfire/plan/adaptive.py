@@ -54,6 +54,9 @@ from grassfire.toolpath import FloatArray, Role
 LEAST_HELIX = 0.1
 """Smallest helix as a part of the tool radius; places without room for it are slots."""
 
+MOST_LENGTH = 20.0
+"""Longest cut of a pocket, as a multiple of area over stepover: more is a fault."""
+
 MARGIN = 0.01
 """How far below the limit cuts are laid out, radians: for chords, fits and rounding."""
 
@@ -149,6 +152,7 @@ class AdaptivePocket:
         self._cleared = Disks()
         self._fronts: list[FloatArray] = []
         self._left: list[FloatArray] = []
+        self._length = 0.0
         self._starts: dict[int, tuple[FloatArray, Start]] = {}
         self.peak = part.peak
         self.strokes: list[Stroke] = []
@@ -157,8 +161,15 @@ class AdaptivePocket:
     def plan(self, position: FloatArray) -> FloatArray:
         """Lay out all strokes; returns where the last one ends, mm."""
         place, heading = self._enter()
+        most = MOST_LENGTH * (self._axis.region.area / self._settings.stepover + self._radius)
         while self._fronts:
             place, heading = self._next(place, heading)
+            if self._length > most:
+                raise PlanningError(
+                    f"cuts of {self._length:.6g} mm have not cleared the pocket",
+                    place=(float(self.peak[0]), float(self.peak[1])),
+                    remedy="take strategy offset, and report the drawing",
+                )
         settings = self._settings
         corners = self._corners() if settings.finish else []
         # each is worth its length and a way there; many of them are a lap
@@ -316,6 +327,7 @@ class AdaptivePocket:
     ) -> tuple[FloatArray, float]:
         """Write a cut and bring cleared area and fronts up to date; the first front was cut."""
         path = self._tracer.path(pieces)
+        self._length += path.length
         way = straight(place, path.start)
         if way is not None:
             self._stroke(StrokeKind.FEED, way, Role.CUT)
