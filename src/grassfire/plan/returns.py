@@ -23,8 +23,8 @@ RADII = 0.6, 0.3, 0.12
 ROOM = 0.01
 """How much nearer to stock than the tool radius ways may pass, as a part of it."""
 
-PROBE = 0.1
-"""Distance of the places on a way that are looked at, as a part of the tool radius."""
+PROBE, ARC_PROBE = 0.1, 0.015
+"""Distance of the places that are looked at on straight ways and arcs, in tool radii."""
 
 MAP_STEP = 2.0
 """Distance of the places of the road map, as a part of the tool radius."""
@@ -74,7 +74,7 @@ class Returns:
             return None
         for part in RADII:
             smooth = rounded(found, part * self._radius)
-            if self._clear(smooth.sample(PROBE * self._radius)[0]).all():
+            if self._clear(self._probes(smooth)).all():
                 return self._walls.path(smooth)
         return self._walls.path(found)
 
@@ -109,8 +109,18 @@ class Returns:
         return RoadMap(self._axis, self._wall, MAP_STEP * self._radius)
 
     def _clear_path(self, way: Path) -> bool:
-        places = self._walls.frame(way.sample(PROBE * self._radius)[0])
+        places = self._walls.frame(self._probes(way))
         return bool(self._clear(places).all())
+
+    def _probes(self, way: Path) -> FloatArray:
+        """Places on a way, closer together on arcs: one that turns at a wall may dip into it."""
+        step = np.where(way.is_arc, ARC_PROBE, PROBE) * self._radius
+        count = np.maximum(1, np.ceil(way.lengths / step)).astype(np.int64)
+        piece = np.repeat(np.arange(len(way)), count)
+        first = np.repeat(np.cumsum(count) - count, count)
+        share = (np.arange(len(piece)) - first) / count[piece]
+        along = way.cumulative[piece] + share * way.lengths[piece]
+        return way.at(np.append(along, way.length))
 
     def _clear(self, places: FloatArray, bite: float = ROOM) -> BoolArray:
         """Where on ways in the drawing the tool touches neither wall nor stock."""
