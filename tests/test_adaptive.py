@@ -321,14 +321,19 @@ def test_runs_are_maximal_and_part_at_gaps() -> None:
     assert runs(chain, np.zeros(10, dtype=bool), 2.0) == []
 
 
+def far_from_walls(points: np.ndarray) -> np.ndarray:
+    """Clearance of an open field."""
+    return np.full(len(points), 100.0)
+
+
 def test_fronts_that_continue_each_other_are_one() -> None:
     chain = densified(bent(8), 0.15)
     halves = [chain[100:], chain[:100]]
-    (whole,) = joined(halves, RADIUS, 0.15)
+    (whole,) = joined(halves, RADIUS, 0.15, far_from_walls)
     assert length(whole) == pytest.approx(length(chain), abs=0.05)
     assert whole[0] == pytest.approx(chain[0])
     apart = [chain[:100], chain[100:] + np.array([0.0, 2.0])]
-    assert len(joined(apart, RADIUS, 0.15)) == 2
+    assert len(joined(apart, RADIUS, 0.15, far_from_walls)) == 2
 
 
 def test_disks_know_the_nearest_centre() -> None:

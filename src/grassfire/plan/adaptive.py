@@ -358,7 +358,7 @@ class AdaptivePocket:
             long = len(front) > 2 and length(front) > SHORTEST * self._radius
             (whole if long else short).append(front)
         self._left += short
-        self._fronts = joined(whole, self._radius, self._step)
+        self._fronts = joined(whole, self._radius, self._step, self._walls.clearance)
         self._returns.update(self._fronts)
         known = {id(front) for front in self._fronts}
         self._starts = {key: value for key, value in self._starts.items() if key in known}

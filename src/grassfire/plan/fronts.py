@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +31,13 @@ HEAD = 80
 
 JOIN_RIGHT, JOIN_LEFT = np.radians(40.0), np.radians(100.0)
 """Sharpest turns at which fronts are joined: to the right stock juts out, to the left none does."""
+
+
+AT_WALL = 0.1
+"""A front that ends nearer to the wall than this part of the tool radius ends there."""
+
+Clearances = Callable[[FloatArray], FloatArray]
+"""Distance of points (n, 2) from the walls, (n,) mm."""
 
 
 class Disks:
@@ -131,14 +138,18 @@ def length(chain: FloatArray) -> float:
     return float(np.hypot(*np.diff(chain, axis=0).T).sum())
 
 
-def joined(fronts: Sequence[FloatArray], radius: float, step: float) -> list[FloatArray]:
+def joined(
+    fronts: Sequence[FloatArray], radius: float, step: float, clearance: Clearances
+) -> list[FloatArray]:
     """Fronts with those made one that continue each other without a sharp jut of stock.
 
-    One continues another if it starts near its end, or runs along it there.
+    One continues another if it starts near its end, or runs along it there. A front that ends at
+    a wall (`clearance` tells the distance of points from it) goes on only in the latter case: what
+    begins beside it there is beyond a corner of the wall.
     """
     chains = list(fronts)
     while len(chains) > 1:
-        best = _continuation(chains, radius)
+        best = _continuation(chains, radius, clearance)
         if best is None:
             break
         one, two, skip = best
@@ -154,7 +165,9 @@ def joined(fronts: Sequence[FloatArray], radius: float, step: float) -> list[Flo
     return chains
 
 
-def _continuation(chains: list[FloatArray], radius: float) -> tuple[int, int, int] | None:
+def _continuation(
+    chains: list[FloatArray], radius: float, clearance: Clearances
+) -> tuple[int, int, int] | None:
     """The pair of chains that fits best, and the point of the second at which it goes on."""
     last = np.array([chain[-1] for chain in chains])
     head = np.stack([chain[np.minimum(np.arange(HEAD), len(chain) - 3)] for chain in chains])
@@ -165,6 +178,8 @@ def _continuation(chains: list[FloatArray], radius: float) -> tuple[int, int, in
     cost = np.where(skip > 0, along, np.where(start <= JOIN_GAP * radius, start, np.inf))
     if not np.isfinite(cost).any():
         return None
+    walled = clearance(last) < AT_WALL * radius
+    cost[walled[:, None] & (skip == 0)] = np.inf
     leave = np.array([_direction(chain[-4:]) for chain in chains])
     for flat in np.argsort(cost, axis=None, kind="stable"):
         one, two = divmod(int(flat), len(chains))
