@@ -203,6 +203,8 @@ class AdaptivePocket:
             if link is not None:
                 self._stroke(StrokeKind.FEED, link, Role.LINK, air=True)
             elif np.hypot(*(place - start.point)) > 1e-9:
+                if self._landing(place, start) is not start.point:
+                    continue
                 self._stroke(StrokeKind.HOP, entry.plunge(start.point), Role.LINK)
             path = self._walls.slice(low, high)
             if path is not None:
@@ -284,7 +286,9 @@ class AdaptivePocket:
 
         In narrow places the way may graze stock, at a small part of the engagement allowed.
         """
-        if self._returns.free(start.point[None])[0]:
+        # only where the tool has been is certain to be cleared
+        been = self._cleared.distance(start.point[None], GRAZING * self._radius)[0]
+        if np.isfinite(been) and self._returns.free(start.point[None])[0]:
             return start.point
         near = self._cleared.nearest(start.point, LANDINGS)
         centres = np.concatenate([place[None], near])
