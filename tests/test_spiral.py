@@ -15,7 +15,7 @@ from grassfire.geometry import Arc, EllipticalArc, Line, Loop, Region, flatten
 from grassfire.medial import MedialAxis, medial_axis
 from grassfire.plan.path import Path
 from grassfire.plan.spiral import spiral_pockets
-from grassfire.plan.spiral_curve import end_tangents, filleted, fitted
+from grassfire.plan.spiral_curve import blunted, end_tangents, evened, filleted, fitted
 from grassfire.plan.spiral_tree import joined, opened, rooted, sampled_chains
 from grassfire.plan.spiral_wave import eased
 from grassfire.plan.strategy import ClearingSettings, PocketPlan
@@ -323,3 +323,26 @@ def test_fillets_round_corners_and_stay_inside() -> None:
     points = rounded.sample(0.05)[0]
     assert points.min() >= -1e-9
     assert np.all(points <= np.array([10, 6]) + 1e-9)
+
+
+@pytest.mark.parametrize("angle", [0.6, 1.5, 2.2])
+def test_what_is_blunted_moves_to_the_inside_of_the_turn(angle: float) -> None:
+    way = np.array([np.cos(angle), np.sin(angle)])
+    points = evened(np.array([[-3.0, 0.0], [0.0, 0.0], 3.0 * way]), 0.1)
+    soft = blunted(points, 1.0)
+    chain = Path(soft, np.full((len(soft) - 1, 2), np.nan), np.zeros(len(soft) - 1))
+    assert turns(chain).max() <= 0.4
+    assert np.array_equal(soft[[0, -1]], points[[0, -1]])
+    assert np.all(soft[:, 1] >= -1e-12)
+    assert np.all(way[0] * soft[:, 1] - way[1] * soft[:, 0] >= -1e-12)
+    assert np.array_equal(blunted(points, -1.0), points)
+
+
+def test_laps_leave_little_in_sharp_corners_for_the_finishing_lap() -> None:
+    needle = Region(polygon((0, 0), (60, 0), (60, 14), (20, 14)), ())
+    axis = medial_axis(needle)
+    ((pocket,), _) = spiral_pockets(axis, settings_of())
+    pocket.plan(pocket.peak)
+    (lap,) = (item.path for item in pocket.finish if item.role is Role.FINISH)
+    before = pocket.strokes[-1].path
+    assert max(before.nearest(point).distance for point in lap.sample(0.05)[0]) <= 0.021 * RADIUS

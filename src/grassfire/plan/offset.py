@@ -21,6 +21,7 @@ from grassfire.plan.rings import (
 from grassfire.plan.roadmap import Leg, RoadMap
 from grassfire.plan.strategy import SMALLEST_RING, ClearingSettings, PocketPlan, needs_plunge
 from grassfire.plan.strokes import Stroke, StrokeKind
+from grassfire.plan.wallpass import wall_pass
 from grassfire.report import Finding, Severity
 from grassfire.toolpath import FloatArray, Role
 
@@ -35,9 +36,6 @@ MOST_WAYS = 2
 
 NEIGHBOURS = 3
 """Rings among which the next one is chosen."""
-
-PROOF = 1e-3
-"""Clearance that a straight way may lack, mm: below what the rings themselves may deviate."""
 
 
 @dataclass
@@ -98,7 +96,7 @@ def offset_pockets(
 
 
 class OffsetPocket:
-    """Strokes of one pocket, the same for every depth, and those that finish it.
+    """One pocket cleared by rings; `peak`, `strokes` and `finish` as in `PocketPlan`.
 
     Parameters
     ----------
@@ -112,11 +110,6 @@ class OffsetPocket:
         Distance between rings, mm.
     road : RoadMap
         Of the region.
-
-    Attributes
-    ----------
-    strokes, finish : list of Stroke
-        For every pass; after the last one.
     """
 
     def __init__(
@@ -146,15 +139,10 @@ class OffsetPocket:
         self.peak = parts[root].peak
         self.strokes: list[Stroke] = []
         self.finish: list[Stroke] = []
+        self.findings: list[Finding] = []
 
     def plan(self, position: FloatArray) -> FloatArray:
-        """Visit all components, inner ones first, from `position` (2,) on.
-
-        Returns
-        -------
-        (2,) float array
-            Where the last stroke ends, mm.
-        """
+        """Visit all components, inner ones first; returns where the last stroke ends, mm."""
         wall = self._parts[self._root]
         pending = [_Frame(self._root, list(wall.children))]
         while pending:
@@ -166,8 +154,10 @@ class OffsetPocket:
                 continue
             pending.pop()
             position = self._clear(frame.index, position)
-        if self._settings.finish:
-            position = self._finish(wall, position)
+        settings = self._settings
+        if settings.finish:
+            self.finish = wall_pass(self._axis, wall.rings, settings, position, self._over_floor)
+            position = self.finish[-1].path.end
         self._mark_travels()
         return position
 
@@ -512,58 +502,10 @@ class OffsetPocket:
             index = self._parent[index]
         return index == outer
 
-    def _finish(self, part: Component, position: FloatArray) -> FloatArray:
-        """Every wall ring once more, with tangential arcs on and off where there is room."""
-        rings = RingSet(part.rings)
-        while rings.left.any():
-            place = rings.nearest_left(position)[0]
-            rings.left[place.ring] = False
-            lap, lead_in, lead_out = self._with_leads(rings.rings[place.ring], place)
-            start = lap.start if lead_in is None else lead_in.start
-            self._approach(position, start)
-            for path, role in ((lead_in, Role.LEAD), (lap, Role.FINISH), (lead_out, Role.LEAD)):
-                if path is not None:
-                    self.finish.append(Stroke(StrokeKind.FEED, path, role))
-                    position = path.end
-        return position
-
-    def _approach(self, position: FloatArray, target: FloatArray) -> None:
-        """To a place on the last floor, all of which is cleared."""
-        if link.straight(position, target) is None:
-            return
-        way = self._road.way(position, target, self._wall, self._on_map(self._root))
-        if way is not None and way.length <= self._longest(position, target):
-            self.finish.append(Stroke(StrokeKind.FEED, way, Role.LINK, air=True))
-        else:
-            self.finish.append(Stroke(StrokeKind.HOP, entry.plunge(target), Role.LINK))
-
-    def _with_leads(self, ring: Path, place: RingPlace) -> tuple[Path, Path | None, Path | None]:
-        """A ring from where a tangential lead fits, and quarter arcs on to it and off it.
-
-        The circle of a lead of radius q that touches the ring at p has its centre q inwards; it
-        keeps to the pocket exactly where the clearance of that centre is at least wall + q.
-        """
-        settings = self._settings
-        by_length = np.argsort(-ring.lengths, kind="stable")[:6]
-        middles = ring.cumulative[by_length] + ring.lengths[by_length] / 2
-        alongs = np.concatenate([[place.nearest.along], middles])
-        radii = settings.tool_radius * np.array([0.5, 0.25, 0.1])
-        side = 1.0 if settings.climb else -1.0
-        tangents = np.array([ring.tangent(along) for along in alongs])
-        inwards = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1) * side
-        points = ring.at(alongs)
-        centres = points[None] + radii[:, None, None] * inwards[None]
-        room = self._axis.clearance(centres.reshape(-1, 2)).reshape(len(radii), len(alongs))
-        fits = np.argwhere(room >= settings.wall + radii[:, None] - PROOF)
-        if not len(fits):
-            return ring.started_at(place.nearest.along), None, None
-        size, which = (int(value) for value in fits[0])
-        lap = ring.started_at(float(alongs[which]), snap=1e-9)
-        centre, reach = centres[size, which], radii[size] * tangents[which]
-        turn = np.array([side * np.pi / 2])
-        lead_in = Path(np.stack([centre - reach, lap.start]), centre[None], turn)
-        lead_out = Path(np.stack([lap.start, centre + reach]), centre[None], turn)
-        return lap, lead_in, lead_out
+    def _over_floor(self, start: FloatArray, end: FloatArray) -> Path | None:
+        """A way over the last floor, all of which is cleared; None where a retract is quicker."""
+        way = self._road.way(start, end, self._wall, self._on_map(self._root))
+        return way if way is not None and way.length <= self._longest(start, end) else None
 
     def _mark_travels(self) -> None:
         """Ways to descents that lie where the pass before has cleared."""

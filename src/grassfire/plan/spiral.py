@@ -12,13 +12,14 @@ from grassfire.medial import MedialAxis
 from grassfire.plan import entry, spiral_tree, spiral_wave
 from grassfire.plan.path import IntArray, Path, circle, repeat
 from grassfire.plan.rings import INNER_FIT, MOST_INNER_FIT, MOST_SPACING, Component, components
-from grassfire.plan.spiral_curve import directions, evened, fitted, smoothed
+from grassfire.plan.spiral_curve import blunted, directions, evened, fitted, smoothed
 from grassfire.plan.spiral_lobes import Sizes, lobes
 from grassfire.plan.spiral_tree import Chain
 from grassfire.plan.spiral_walls import WallLaps
 from grassfire.plan.spiral_wave import Impulses
 from grassfire.plan.strategy import SMALLEST_RING, ClearingSettings, PocketPlan, needs_plunge
 from grassfire.plan.strokes import Stroke, StrokeKind
+from grassfire.plan.wallpass import wall_pass
 from grassfire.report import Finding, Severity
 from grassfire.toolpath import FloatArray, Role
 
@@ -57,6 +58,9 @@ SOFT = 0.02
 
 HOLD = 18
 """So many points at both ends of all laps are not moved."""
+
+WINDOWS = np.array([1.0, 0.5, 0.25])
+"""Parts of the reach in which turns are added up for the place of the seam."""
 
 SPARSE = 8
 """Every so many points of laps the clearance is looked up."""
@@ -153,7 +157,7 @@ def _component_at(
 
 
 class SpiralPocket:
-    """Strokes of one pocket, the same for every depth, and those that finish it.
+    """One pocket cleared by spirals; `peak`, `strokes` and `finish` as in `PocketPlan`.
 
     Parameters
     ----------
@@ -166,11 +170,6 @@ class SpiralPocket:
         More than all numbers of their nodes.
     settings : ClearingSettings
     pitch : Pitch
-
-    Attributes
-    ----------
-    strokes, finish : list of Stroke
-        For every pass; after the last one.
     """
 
     def __init__(
@@ -192,15 +191,10 @@ class SpiralPocket:
         self.peak = part.peak
         self.strokes: list[Stroke] = []
         self.finish: list[Stroke] = []
+        self.findings: list[Finding] = []
 
     def plan(self, position: FloatArray) -> FloatArray:
-        """Lay out all strokes from `position` (2,) on.
-
-        Returns
-        -------
-        (2,) float array
-            Where the last stroke ends, mm.
-        """
+        """Lobe by lobe, then the walls; returns where the last stroke ends, mm."""
         settings = self._settings
         pending = self._ways()
         if not pending:
@@ -213,7 +207,8 @@ class SpiralPocket:
         self.strokes += self._walls.laps(self.strokes[-1].path.end)
         self._mark_travels()
         if settings.finish:
-            self.finish = self._walls.finish(self.strokes[-1].path.end)
+            here, walls = self.strokes[-1].path.end, self._walls
+            self.finish = wall_pass(self._axis, walls.last, settings, here, walls.way, onward=True)
         last = self.finish or self.strokes
         return last[-1].path.end
 
@@ -276,6 +271,7 @@ class SpiralPocket:
         ring, along = self._walls.nearest(points[-1])
         points[-1] = ring.at(np.array([along]))[0]
         points, room = self._off_wall(points)
+        points = blunted(points, 1.0 if settings.climb else -1.0)
         tangents = directions(points, closed=False)
         tangents[0], tangents[-1] = first.tangent(first.length), ring.tangent(along)
         inner = max(settings.tolerance, min(INNER_FIT * pitch.spacing, MOST_INNER_FIT))
@@ -296,7 +292,8 @@ class SpiralPocket:
             return circle(centre, raw[0], turn)
         points = evened(raw, pitch.fine)
         even = smoothed(points, FINE, closed=True)
-        weight = _fading(len(points), int(8 * FINE))[:, None]
+        # less and less towards the seam, where the laps begin
+        weight = _fading(len(points), int(3 * FINE))[:, None]
         points = points + weight * (even - points)
         points[-1] = points[0]
         tangents = directions(points, closed=True)
@@ -430,9 +427,10 @@ def seam(ways: Impulses, reach: float) -> int:
     """
     row = np.arange(len(ways.room))
     own = np.flatnonzero((ways.time <= 0) & (ways.first > 0))
-    wall = _turning(ways.at(row, np.ones(len(row))), reach)[own]
-    tube = _turning(ways.at(own, np.zeros(len(own))), reach)
-    return int(own[np.argmin(wall + tube)])
+    wall, tube = ways.at(row, np.ones(len(row))), ways.at(own, np.zeros(len(own)))
+    # what is near counts more: it is in the reach of every window
+    total = sum(_turning(wall, part)[own] + _turning(tube, part) for part in reach * WINDOWS)
+    return int(own[np.argmin(total)])
 
 
 def _turning(points: FloatArray, reach: float) -> FloatArray:

@@ -19,6 +19,12 @@ FLAT = 1e4
 SHORT = 2e-3
 """Shorter arcs are written as lines, mm: rounded ends must not make full circles of them."""
 
+KINK = 0.4
+"""Largest turn from one step of points to the next that arcs follow closely, radians."""
+
+MOST_ROUNDS = 64
+"""Rounds of blunting at most: turns of up to 160 degrees need no more."""
+
 
 def evened(points: FloatArray, step: float) -> FloatArray:
     """Points (m, 2) of the same polyline at equal distances of about `step` mm."""
@@ -43,6 +49,30 @@ def smoothed(points: FloatArray, width: float, closed: bool) -> FloatArray:
         inner = gaussian_filter1d(points[:-1], width, axis=0, mode="wrap", truncate=REACH)
         return np.concatenate([inner, inner[:1]])
     return np.asarray(gaussian_filter1d(points, width, axis=0, mode="nearest", truncate=REACH))
+
+
+def blunted(points: FloatArray, side: float) -> FloatArray:
+    """Even points (m, 2) of an open run, without sharp turns to one side; the ends stay.
+
+    Arcs through points about a sharp turn bulge to its outside. What moves, moves to its inside.
+
+    Parameters
+    ----------
+    points : (m, 2) float array
+    side : float
+        1 for turns to the left, -1 for those to the right.
+    """
+    points = points.copy()
+    for _ in range(MOST_ROUNDS):
+        step = np.diff(points, axis=0)
+        turn = side * _angle(step[:-1], step[1:])
+        sharp = turn > KINK
+        if not sharp.any():
+            break
+        near = np.convolve(sharp, np.ones(5), "same")[: len(turn)] > 0
+        row = np.flatnonzero(near & (turn > 0)) + 1
+        points[row] += 0.25 * (step[row] - step[row - 1])
+    return points
 
 
 def directions(points: FloatArray, closed: bool) -> FloatArray:

@@ -14,23 +14,22 @@ from grassfire.plan.strategy import ClearingSettings
 from grassfire.plan.strokes import Stroke, StrokeKind
 from grassfire.toolpath import FloatArray, Role
 
-PROOF = 1e-3
-"""Clearance that a lead may lack, mm: below what rings themselves may deviate."""
-
 CORNER = 0.05
 """Radius that corners of laps before the finishing one get, as a part of the tool radius."""
 
-LEFT_OVER = 0.02
-"""What rounded corners of the last laps may leave, mm: enough for a path without corners."""
+CORNER_LEFT = 0.021
+"""What these may leave, as a part of the tool radius, a right corner's share: a finishing lap at
+full depth meets it at the thickness of all passes."""
+
+LAST_LEFT, MOST_LEFT = 0.004, 0.02
+"""What rounded corners of the last laps may leave, as a part of the tool radius, and mm: enough
+for a path without corners."""
 
 TRIES = 16
 """Places on a ring from which a straight way to cleared area is looked for."""
 
 CLEARED = 0.5
 """Distance between places where the tool is remembered to have been, mm."""
-
-LEADS = (0.5, 0.25, 0.1)
-"""Radii of leads that are tried, as parts of the tool radius."""
 
 
 class WallLaps:
@@ -45,19 +44,18 @@ class WallLaps:
 
     Attributes
     ----------
-    rings : tuple of Path
-        As they are cut before the finishing laps: with round corners.
+    rings, last : tuple of Path
+        As they are cut before the finishing laps, with round corners; as these cut them.
     """
 
     def __init__(self, axis: MedialAxis, part: Component, settings: ClearingSettings) -> None:
         self._axis = axis
         self._settings = settings
         radius = CORNER * settings.tool_radius
-        self._last = tuple(filleted(ring, radius, LEFT_OVER) for ring in part.rings)
-        left_over = np.inf if settings.finish else LEFT_OVER
-        self.rings = tuple(
-            filleted(ring, CORNER * settings.tool_radius, left_over) for ring in part.rings
-        )
+        least = min(LAST_LEFT * settings.tool_radius, MOST_LEFT)
+        self.last = tuple(filleted(ring, radius, least) for ring in part.rings)
+        left_over = CORNER_LEFT * settings.tool_radius if settings.finish else least
+        self.rings = tuple(filleted(ring, radius, left_over) for ring in part.rings)
         self._inside = Interior(axis, part.rings, part.distance)
         self._first: tuple[int, Path] | None = None
         self._cleared: list[FloatArray] = []
@@ -154,75 +152,9 @@ class WallLaps:
         down, _ = entry.ramp(ring, settings.drop, settings.slope)
         return [Stroke(StrokeKind.DESCEND, down, Role.ENTRY)], down.end, own.nearest(down.end).along
 
-    # -- finishing --------------------------------------------------------------------------------
-
-    def finish(self, position: FloatArray) -> list[Stroke]:
-        """Every ring once more, with tangential arcs on and off where there is room."""
-        strokes: list[Stroke] = []
-        rings = RingSet(self._last)
-        if len(self._last) == 1 and self._last[0].nearest(position).distance <= PROOF:
-            return self._once_more(position)
-        while rings.left.any():
-            place = rings.nearest_left(position)[0]
-            rings.left[place.ring] = False
-            lap, lead_in, lead_out = self._with_leads(rings.rings[place.ring], place.nearest.along)
-            start = lap.start if lead_in is None else lead_in.start
-            strokes += self._approach(position, start)
-            for path, role in ((lead_in, Role.LEAD), (lap, Role.FINISH), (lead_out, Role.LEAD)):
-                if path is not None:
-                    strokes.append(Stroke(StrokeKind.FEED, path, role))
-                    position = path.end
-        return strokes
-
-    def _once_more(self, position: FloatArray) -> list[Stroke]:
-        """The only ring, straight on from the lap before it, and a tangential arc off it."""
-        ring = self._last[0]
-        along = ring.nearest(position).along
-        _, _, lead_out = self._with_leads(ring, along, tries=0)
-        lap = ring.started_at(along, snap=1e-9)
-        strokes = _straight(position, lap.start)
-        strokes.append(Stroke(StrokeKind.FEED, lap, Role.FINISH))
-        if lead_out is not None:
-            strokes.append(Stroke(StrokeKind.FEED, lead_out, Role.LEAD))
-        return strokes
-
-    def _approach(self, position: FloatArray, target: FloatArray) -> list[Stroke]:
-        """To a place on the last floor, all of which is cleared."""
-        way = link.straight(position, target)
-        if way is None:
-            return []
-        if self.holds(position, target):
-            return [Stroke(StrokeKind.FEED, way, Role.LINK, air=True)]
-        return [Stroke(StrokeKind.HOP, entry.plunge(target), Role.LINK)]
-
-    def _with_leads(
-        self, ring: Path, along: float, tries: int = 6
-    ) -> tuple[Path, Path | None, Path | None]:
-        """A ring from where a tangential lead fits, and quarter arcs on to it and off it.
-
-        The circle of a lead of radius q that touches the ring at p has its centre q inwards; it
-        keeps to the pocket exactly where the clearance of that centre is at least wall + q.
-        """
-        settings = self._settings
-        by_length = np.argsort(-ring.lengths, kind="stable")[:tries]
-        middles = ring.cumulative[by_length] + ring.lengths[by_length] / 2
-        alongs = np.concatenate([[along], middles])
-        radii = settings.tool_radius * np.array(LEADS)
-        side = 1.0 if settings.climb else -1.0
-        tangents = np.array([ring.tangent(place) for place in alongs])
-        inwards = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1) * side
-        centres = ring.at(alongs)[None] + radii[:, None, None] * inwards[None]
-        room = self._axis.clearance(centres.reshape(-1, 2)).reshape(len(radii), len(alongs))
-        fits = np.argwhere(room >= settings.wall + radii[:, None] - PROOF)
-        if not len(fits):
-            return ring.started_at(along), None, None
-        size, which = (int(value) for value in fits[0])
-        lap = ring.started_at(float(alongs[which]), snap=1e-9)
-        centre, reach = centres[size, which], radii[size] * tangents[which]
-        turn = np.array([side * np.pi / 2])
-        lead_in = Path(np.stack([centre - reach, lap.start]), centre[None], turn)
-        lead_out = Path(np.stack([lap.start, centre + reach]), centre[None], turn)
-        return lap, lead_in, lead_out
+    def way(self, start: FloatArray, end: FloatArray) -> Path | None:
+        """The straight way, where it keeps inside the rings."""
+        return link.straight(start, end) if self.holds(start, end) else None
 
 
 def _straight(start: FloatArray, end: FloatArray) -> list[Stroke]:

@@ -69,11 +69,14 @@ class PocketPlan(Protocol):
         Where it is widest, mm.
     strokes, finish : list of Stroke
         For every pass; after the last one. Empty until `plan` was called.
+    findings : list of Finding
+        What `plan` noticed.
     """
 
     peak: FloatArray
     strokes: list[Stroke]
     finish: list[Stroke]
+    findings: list[Finding]
 
     def plan(self, position: FloatArray) -> FloatArray:
         """Lay out all strokes from where the tool is; returns where the last one ends, mm."""
