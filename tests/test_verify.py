@@ -199,6 +199,29 @@ def test_a_lap_that_only_touches_is_not_engaged() -> None:
     assert twice.mean_engagement_deg == pytest.approx(once.mean_engagement_deg, abs=0.5)
 
 
+def test_a_lap_one_pass_deeper_does_not_cut_what_the_pass_above_left() -> None:
+    # so short a lap that the one above it is less than a radius of travel ago
+    walls = Point(20, 20).buffer(3.2, quad_segs=16).union(box(20, 17.6, 24, 22.4))
+    path = ToolpathBuilder((20.1, 20.0, 5.0))
+    for level in (-1.0, -2.0):
+        path.line(20.1, 20.0, level, 300.0)
+        path.arc(20.1, 20.0, level, (20.0, 20.0), True, 600.0)
+    path.rapid(20.1, 20.0, 5.0)
+    result = judge(path, target(region=walls, stepdown=1.0, entry="plunge"))
+    assert "stepdown" not in kinds(result)
+    assert "uncut" in kinds(result)
+
+
+def test_a_cut_at_two_passes_depth_exceeds_the_stepdown() -> None:
+    path = ToolpathBuilder((10.0, 20.0, 5.0))
+    path.line(10.0, 20.0, -2.0, 300.0)
+    path.line(30.0, 20.0, -2.0, 600.0)
+    path.rapid(30.0, 20.0, 5.0)
+    result = judge(path, target(stepdown=1.0, entry="plunge"))
+    (fault,) = (item for item in result.faults if item.kind == "stepdown")
+    assert fault.size > 120
+
+
 @pytest.mark.parametrize("depth_below", [0.0, 0.5])
 def test_gouge_and_floor_are_exact(depth_below: float) -> None:
     builder = ToolpathBuilder((20.0, 20.0, 5.0))
@@ -291,6 +314,15 @@ def test_state_faults() -> None:
     assert "wrong-tool" in kinds(judge(quick, tool_diameter=4.0))
 
 
+def test_a_program_that_chooses_no_tool_is_told_so() -> None:
+    text = "G21 G90 G17 G94\nS1000 M3\nG0 X10 Y10 Z5\nG1 Z-2 F100\nG0 Z5\nM5\nM30\n"
+    result = verify(read_program(text), (target(tool_number=1, entry="plunge"),), **MACHINE)
+    (fault,) = (item for item in result.faults if item.kind == "wrong-tool")
+    assert fault.message == (
+        "the program chooses no tool; the operation asks for diameter 6 mm (tool 1)"
+    )
+
+
 def test_arc_whose_radii_differ_is_a_fault() -> None:
     builder = ToolpathBuilder((20.0, 20.0, -1.0))
     builder.arc(25.0, 20.0, -1.0, (22.0, 20.0), True, 500.0)
@@ -301,6 +333,20 @@ def test_empty_program_cuts_nothing() -> None:
     result = verify(Program("empty", ()), (target(),), **MACHINE)
     assert {"nothing-cut", "uncut"} <= kinds(result)
     assert result.time_s == 0.0
+
+
+@pytest.mark.parametrize(("entry", "fault"), [("helix", False), ("plunge", True)])
+def test_a_place_that_only_a_plunge_enters_is_asked_for_where_plunges_are(
+    entry: str, fault: bool
+) -> None:
+    lap = ToolpathBuilder((3.0, 3.0, 5.0))
+    lap.line(3.0, 3.0, -2.0, 300.0)
+    for x, y in ((4.0, 3.0), (4.0, 4.0), (3.0, 4.0), (3.0, 3.0)):
+        lap.line(x, y, -2.0, 600.0)
+    lap.rapid(3.0, 3.0, 5.0)
+    hole = Point(20, 3).buffer(3.005, quad_segs=256)
+    both = shapely.MultiPolygon([box(0, 0, 7, 7), hole])
+    assert ("uncut" in kinds(judge(lap, target(region=both, entry=entry)))) == fault
 
 
 def test_uncut_names_the_place_of_the_largest_patch() -> None:

@@ -223,8 +223,10 @@ def chords_of(program: Program, index: int) -> list[tuple[int, int, np.ndarray]]
         if kind < MoveKind.ARC_CW:
             rows.append((int(kind), row, np.array([start, end])))
             continue
-        part = np.linspace(0, 1, max(2, math.ceil(abs(sweep[row]) / 0.05)) + 1)
         first, last = start[:2] - path.centre[row], end[:2] - path.centre[row]
+        # chords within 2e-4 mm of the arc
+        step = min(0.05, math.sqrt(1.6e-3 / max(np.hypot(*first), 1e-3)))
+        part = np.linspace(0, 1, max(2, math.ceil(abs(sweep[row]) / step)) + 1)
         angle = math.atan2(first[1], first[0]) + sweep[row] * part
         radius = np.hypot(*first) + (np.hypot(*last) - np.hypot(*first)) * part
         x = path.centre[row, 0] + radius * np.cos(angle)

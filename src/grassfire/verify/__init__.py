@@ -4,6 +4,7 @@ Shares nothing with the planner. Walls and floor are measured exactly, removal o
 maps.
 """
 
+from grassfire.verify.clock import Clock
 from grassfire.verify.counts import MoveCounts, count_program
 from grassfire.verify.judge import verify
 from grassfire.verify.model import (
@@ -12,17 +13,20 @@ from grassfire.verify.model import (
     MachineLimits,
     OperationResult,
     Target,
+    Tolerances,
     Verification,
 )
 from grassfire.verify.stock import mesh_file, stock_mesh, stock_png
 
 __all__ = [
+    "Clock",
     "Fault",
     "HeightMap",
     "MachineLimits",
     "MoveCounts",
     "OperationResult",
     "Target",
+    "Tolerances",
     "Verification",
     "count_program",
     "mesh_file",

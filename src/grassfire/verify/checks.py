@@ -126,8 +126,7 @@ def check_moves(path: Path, top: float, max_feed: FloatArray) -> list[Fault]:
     ]
     faults: list[Fault] = []
     for kind, rows, sizes, describe in cases:
-        moves = np.flatnonzero(rows)
-        faults += report_moves(kind, path, moves, sizes[moves], describe)
+        faults += report_moves(kind, path, rows.nonzero()[0], sizes[rows], describe)
     return faults
 
 
@@ -144,12 +143,7 @@ def check_sections(
         number_differs = target.tool_number not in (None, section.tool_number)
         radius = path.tool_radius[rows[0]]
         if number_differs or abs(radius - target.tool_radius) > 1e-3:
-            message = (
-                f"tool {section.tool_number} of diameter {2 * radius:g} mm where the operation "
-                f"asks for diameter {2 * target.tool_radius:g} mm"
-            )
-            if target.tool_number is not None:
-                message += f" (tool {target.tool_number})"
+            message = _wrong_tool(section.tool_number, radius, target)
             size = float(abs(radius - target.tool_radius))
             faults.append(_at_end(path, int(rows[0]), "wrong-tool", size, message))
         following = index + 1 < len(program.sections)
@@ -167,6 +161,16 @@ def check_sections(
             message = f"operation {operation + 1} cuts nothing"
             faults.append(Fault("nothing-cut", 0, nowhere, 0.0, message, operation))
     return faults
+
+
+def _wrong_tool(number: int, radius: float, target: Target) -> str:
+    """Return the sentence for a tool other than the one that an operation asks for."""
+    wanted = f"diameter {2 * target.tool_radius:g} mm"
+    if target.tool_number is not None:
+        wanted += f" (tool {target.tool_number})"
+    if number == 0:
+        return f"the program chooses no tool; the operation asks for {wanted}"
+    return f"tool {number} of diameter {2 * radius:g} mm where the operation asks for {wanted}"
 
 
 def _at_end(path: Path, move: int, kind: str, size: float, message: str) -> Fault:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Required, TypedDict
 
 import numpy as np
 
@@ -32,32 +33,30 @@ class _Limits:
     acceleration: FloatArray
 
 
+class Clock(TypedDict, total=False):
+    """Arguments of `move_times` besides the path."""
+
+    rapid: Required[float]
+    acceleration: Required[float]
+    junction_deviation: float
+    arc_tolerance: float
+    path_tolerance: float | None
+
+
 def move_times(
     path: Path,
     *,
     rapid: float,
     acceleration: float,
-    junction_deviation: float,
+    junction_deviation: float = 0.01,
     arc_tolerance: float = 0.002,
     path_tolerance: float | None = None,
 ) -> FloatArray:
     """Return the seconds that each move takes on a controller with a look-ahead planner.
 
-    Speed is trapezoidal along each move and held at junctions and on arcs. The backward and forward
-    passes over v^2 are running minima of v_k^2 +- the sum of 2 a_k L_k over the moves' lengths L,
-    so that no loop over moves is needed.
-
-    Without `path_tolerance`, as grbl does it (S. K. Jeon, "Improving Grbl: cornering algorithm",
-    2011; grbl 1.1, planner.c and motion_control.c): at a junction of unit directions with half
-    angle h between them v^2 = a d sin(h) / (1 - sin(h)) for junction deviation d; arcs are drawn as
-    chords, whose junctions hold the speed on them.
-
-    With it, as LinuxCNC does after G64 P (blendmath.c): corners are rounded by the arc that leaves
-    them by the tolerance and takes no more than half of either move; arcs have the share sqrt(3)/2
-    of the acceleration across, which leaves a half along at full speed. At tolerance 0 (G61) the
-    machine stops at every corner.
-
-    Not modelled: limits of single axes, the finite number of blocks looked ahead, jerk.
+    Speed is trapezoidal along each move and held at junctions and on arcs: as grbl does it, or
+    with `path_tolerance` as LinuxCNC does after G64 P, or G61 where that is 0. Not modelled: limits
+    of single axes, the finite number of blocks looked ahead, jerk.
 
     Parameters
     ----------
@@ -82,17 +81,13 @@ def move_times(
     Raises
     ------
     InputError
-        If a tolerance is not in its range.
+        If a speed or tolerance is not in its range.
     """
-    if not arc_tolerance > 0:
-        raise InputError(f"arc tolerance {arc_tolerance:g} mm is not positive")
-    if path_tolerance is not None and not path_tolerance >= 0:
-        raise InputError(f"path tolerance {path_tolerance:g} mm is negative")
+    _check(rapid, acceleration, arc_tolerance, path_tolerance)
     result = np.zeros(len(path))
     rows = np.flatnonzero(np.nan_to_num(path.length) > 1e-9)
     if not len(rows):
         return result
-    length = path.length[rows]
     speed = np.where(path.rapid[rows], rapid, np.nan_to_num(path.feed[rows])) / 60.0
     speed = np.maximum(speed, 1.0 / 60.0)
     if path_tolerance is None:
@@ -103,8 +98,36 @@ def move_times(
     junction = np.zeros(len(rows) + 1)
     junction[1:-1] = np.minimum(limits.junction, np.minimum(speed[:-1], speed[1:]) ** 2)
     junction[1:-1][path.section[rows][1:] != path.section[rows][:-1]] = 0.0
+    result[rows] = _trapezoids(path.length[rows], speed, junction, limits.acceleration)
+    return result
 
-    rate = limits.acceleration
+
+def _check(rapid: float, acceleration: float, arc: float, blend: float | None) -> None:
+    """Refuse speeds and tolerances that no machine has."""
+    for name, value in (("rapid", rapid), ("acceleration", acceleration)):
+        if not value > 0:
+            raise InputError(f"{name} {value:g} is not positive")
+    if not arc > 0:
+        raise InputError(f"arc tolerance {arc:g} mm is not positive")
+    if blend is not None and not blend >= 0:
+        raise InputError(f"path tolerance {blend:g} mm is negative")
+
+
+def _trapezoids(
+    length: FloatArray, speed: FloatArray, junction: FloatArray, rate: FloatArray
+) -> FloatArray:
+    """Return the seconds of moves.
+
+    The backward and forward passes over v^2 are running minima of v_k^2 +- the sum of 2 a_k L_k
+    over the moves' lengths L, so that no loop over moves is needed.
+
+    Parameters
+    ----------
+    length, speed, rate : (m,) arrays
+        mm, largest speed in mm/s, acceleration in mm/s2.
+    junction : (m + 1,) array
+        Squares of the largest speeds at the ends of moves, mm2/s2.
+    """
     climb = np.concatenate([[0.0], np.cumsum(2 * rate * length)])
     squared = np.minimum.accumulate((junction + climb)[::-1])[::-1] - climb
     squared = np.minimum.accumulate(squared - climb) + climb
@@ -116,14 +139,19 @@ def move_times(
     first, last = np.minimum(first, top), np.minimum(last, top)
     ramps = (2 * top**2 - first**2 - last**2) / (2 * rate)
     cruise = np.maximum(length - ramps, 0.0) / top
-    result[rows] = (2 * top - first - last) / rate + cruise
-    return result
+    return np.asarray((2 * top - first - last) / rate + cruise)
 
 
 def _grbl_limits(
     path: Path, rows: IntArray, acceleration: float, deviation: float, tolerance: float
 ) -> _Limits:
-    """Return the limits of junction deviation, arcs drawn as chords."""
+    """Return the limits of junction deviation.
+
+    At a junction of unit directions with half angle h between them v^2 = a d sin(h) / (1 - sin(h))
+    for junction deviation d; arcs are drawn as chords, whose junctions hold the speed on them
+    (S. K. Jeon, "Improving Grbl: cornering algorithm", 2011; grbl 1.1, planner.c and
+    motion_control.c).
+    """
     radius = np.maximum((path.start_radius[rows] + path.end_radius[rows]) / 2, tolerance)
     turn = np.abs(path.sweep[rows])
     chords = np.floor(0.5 * turn * radius / np.sqrt(tolerance * (2 * radius - tolerance)))
@@ -151,7 +179,12 @@ def _deviation_limit(cosine: FloatArray, acceleration: float, deviation: float) 
 def _blend_limits(
     path: Path, rows: IntArray, speed: FloatArray, acceleration: float, tolerance: float
 ) -> _Limits:
-    """Return the limits of corners rounded within a path tolerance."""
+    """Return the limits of corners rounded within a path tolerance.
+
+    By the arc that leaves them by the tolerance and takes no more than half of either move; arcs
+    have the share sqrt(3)/2 of the acceleration across, which leaves a half along at full speed. At
+    tolerance 0 the machine stops at every corner (LinuxCNC, blendmath.c).
+    """
     length = path.length[rows]
     radius = (path.start_radius[rows] + path.end_radius[rows]) / 2
     bent = path.arc[rows] & (radius > 0)

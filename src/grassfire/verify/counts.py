@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Unpack
 
 import numpy as np
 
 from grassfire.toolpath import Program
-from grassfire.verify.clock import move_times
+from grassfire.verify.clock import Clock, move_times
 from grassfire.verify.model import FloatArray, Target
 from grassfire.verify.path import Path, below_top, flatten_program
 
@@ -62,12 +63,8 @@ def count_program(
     program: Program,
     targets: Sequence[Target],
     *,
-    rapid: float,
-    acceleration: float,
-    junction_deviation: float,
-    arc_tolerance: float = 0.002,
-    path_tolerance: float | None = None,
     stock_top: float,
+    **clock: Unpack[Clock],
 ) -> dict[int, MoveCounts]:
     """Count the moves of every operation that has a target, without judging them.
 
@@ -75,24 +72,17 @@ def count_program(
     ----------
     program : Program
     targets : sequence of Target
-    rapid, acceleration, junction_deviation, arc_tolerance, path_tolerance : float
-        mm/min, mm/s2, mm: for the time, see `move_times`.
     stock_top : float
         z, mm.
+    **clock
+        rapid, acceleration, and what else `move_times` takes.
 
     Raises
     ------
     InputError
-        If a section of the program belongs to no target.
+        If a section of the program belongs to no target, or a speed is not positive.
     """
     path = flatten_program(program, tuple(targets))
-    seconds = move_times(
-        path,
-        rapid=rapid,
-        acceleration=acceleration,
-        junction_deviation=junction_deviation,
-        arc_tolerance=arc_tolerance,
-        path_tolerance=path_tolerance,
-    )
+    seconds = move_times(path, **clock)
     operations = sorted({target.operation for target in targets})
     return {index: count_moves(path, seconds, index, stock_top) for index in operations}

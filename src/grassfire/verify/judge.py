@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from grassfire.verify.checks import (
     check_walls,
     report_moves,
 )
-from grassfire.verify.clock import move_times
+from grassfire.verify.clock import Clock, move_times
 from grassfire.verify.counts import count_moves
 from grassfire.verify.limits import check_limits
 from grassfire.verify.model import (
@@ -29,17 +30,25 @@ from grassfire.verify.model import (
     MachineLimits,
     OperationResult,
     Target,
+    Tolerances,
     Verification,
 )
 from grassfire.verify.path import BoolArray, IntArray, Path, assign, flatten_program
 from grassfire.verify.raster import Grid, cells_inside, choose_grid
 from grassfire.verify.removal import Removal, Sweep, SweepSettings, level_thickness
 
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
 _QUADRANT_SEGMENTS = 64
 """Chords in a quarter turn of the reachable region's rounded corners."""
 
 _SLIVER = 0.5
 """Stock thicker than the stepdown may be met over so much area in an operation, mm2."""
+
+
+_POINT = 0.02
+"""Positions of the tool within so much of each other are one place, mm: only a plunge enters it."""
 
 
 @dataclass(frozen=True)
@@ -55,86 +64,47 @@ def verify(
     program: Program,
     targets: Sequence[Target],
     *,
-    rapid: float,
-    acceleration: float,
-    junction_deviation: float = 0.01,
-    arc_tolerance: float = 0.002,
-    path_tolerance: float | None = None,
     limits: MachineLimits = MachineLimits(),  # noqa: B008  (frozen)
-    gouge_tolerance: float = 0.005,
-    floor_tolerance: float = 0.0015,
     fitting_tolerance: float = 0.002,
-    height_tolerance: float = 0.02,
-    uncut_height: float = 0.02,
-    uncut_fraction: float = 0.001,
-    uncut_patch: float = 0.5,
-    max_ramp_angle: float = math.radians(30.0),
-    engagement_thickness: float | None = None,
-    engagement_tolerance: float = 6.0,
-    resolution: float | None = None,
-    max_cells: int = 16_000_000,
+    floor_tolerance: float = 0.0015,
+    tolerances: Tolerances = Tolerances(),  # noqa: B008  (frozen)
     stock_top: float | None = None,
+    **clock: Unpack[Clock],
 ) -> Verification:
     """Machine a program that was read back from its text, and judge it.
 
-    Walls, floor, time and lengths are exact (no raster); uncut area, rapids and plunges through
-    stock and engagement come from first-cut-time maps whose cell is stated in the result. The tool
-    is a flat cutter. One stock serves the whole program, in the order of its sections.
+    Walls, floor and lengths are exact; uncut area, rapids and plunges through stock and engagement
+    come from first-cut-time maps whose cell is stated in the result. Tools are flat cutters.
 
     Parameters
     ----------
     program : Program
     targets : sequence of Target
         At least one for each operation of the program.
-    rapid, acceleration, junction_deviation, arc_tolerance, path_tolerance : float
-        mm/min, mm/s2, mm: for the time, see `move_times`.
     limits : MachineLimits
         Travel and height of rapids.
-    gouge_tolerance : float
-        How far the tool may reach beyond a wall, mm.
-    floor_tolerance : float
-        How far below the floor, mm; by default what rounding to four decimals of an inch takes.
     fitting_tolerance : float
         How far curves were allowed to deviate when they were fitted, mm: added to the gouge
         tolerance where a radial allowance is cut into, and not demanded of the reachable area.
-    height_tolerance : float
-        Thinner stock under a rapid or plunge does not count, mm.
-    uncut_height : float
-        Stock standing higher above the floor counts as uncut, mm.
-    uncut_fraction, uncut_patch : float
-        Uncut part of the reachable area, and largest connected patch in mm2, that are let pass.
-    max_ramp_angle : float
-        Feed moves that descend through stock more steeply are plunges, radians.
-    engagement_thickness : float, optional
-        Thinner stock does not count as engaged, mm; by default 0.3 of the stepdown (of the target,
-        or as the levels show it), which leaves out the wedge under a helix or ramp.
-    engagement_tolerance : float
-        By how much a target's engagement limit may be exceeded, degrees.
-    resolution : float, optional
-        Cell size, mm; by default a fortieth of the smallest tool's radius, up to a twenty-fourth on
-        large pockets.
-    max_cells : int
-        The cell is enlarged where the map would have more.
+    floor_tolerance : float
+        How far below the floor, mm; by default what rounding to four decimals of an inch takes.
+    tolerances : Tolerances
     stock_top : float, optional
         z of the stock's top, mm; by default the highest of the targets.
+    **clock
+        rapid, acceleration, and what else `move_times` takes.
 
     Raises
     ------
     InputError
-        If there is no target, or a section of the program belongs to none.
+        If there is no target, a section of the program belongs to none, or a speed is not positive.
     """
     wanted = tuple(targets)
     if not wanted:
         raise InputError("nothing to verify against: no target was given")
-    for name, value in (("rapid", rapid), ("acceleration", acceleration)):
-        if not value > 0:
-            raise InputError(f"{name} {value:g} is not positive")
+    path, served = flatten_program(program, wanted), assign(program, wanted)
     top = max(item.stock_top for item in wanted) if stock_top is None else stock_top
-    path = flatten_program(program, wanted)
-    served = assign(program, wanted)
-    grid = _grid_for(path, wanted, resolution, max_cells)
     per_move = _PerMove(path, wanted, served)
-
     faults = check_moves(path, top, per_move.max_feed)
     faults += check_limits(path, limits, top)
     faults += check_sections(program, path, served, wanted, top)
@@ -144,57 +114,72 @@ def verify(
         wanted,
         per_move.radial_allowance,
         top=top,
-        gouge_tolerance=gouge_tolerance,
+        gouge_tolerance=tolerances.gouge,
         floor_tolerance=floor_tolerance,
         fitting_tolerance=fitting_tolerance,
     )
-    faults += found
+    machining = _Machining(path, wanted, served, per_move, top, tolerances, fitting_tolerance)
+    return machining.judged(move_times(path, **clock), gouge, faults + found)
 
-    descent = path.begin[:, 2] - path.end[:, 2]
-    steep = ~path.rapid & (np.arctan2(descent, path.planar) > max_ramp_angle)
-    thickness = _thickness(path, wanted, per_move.stepdown, top, engagement_thickness)
-    bodies = find_bodies(path, served, top)
-    sweep = Sweep(
-        path,
-        wanted,
-        grid,
-        SweepSettings(top, height_tolerance, uncut_height),
-        flagged=path.rapid | steep,
-        thickness=np.maximum(thickness, height_tolerance),
-        stepdown=per_move.stepdown,
-        bodies=bodies,
-    )
-    reach = [_reach_of(item, grid, fitting_tolerance) for item in wanted]
-    removal = sweep.run([item.demanded for item in reach])
-    rapid_hit, found = _check_descents(path, removal, steep & ~per_move.may_plunge, top, grid)
-    faults += found
-    faults += check_bodies(path, bodies, removal.hits, wanted, per_move.radial_allowance, top)
-    faults += _check_load(path, removal, per_move.engagement_limit + engagement_tolerance)
-    uncut, found = _check_uncut(
-        path, wanted, reach, removal, grid, fraction=uncut_fraction, patch=uncut_patch
-    )
-    faults += found
 
-    seconds = move_times(
-        path,
-        rapid=rapid,
-        acceleration=acceleration,
-        junction_deviation=junction_deviation,
-        arc_tolerance=arc_tolerance,
-        path_tolerance=path_tolerance,
-    )
-    operations = tuple(
-        _figures(operation, path, wanted, reach, uncut, gouge, rapid_hit, removal, seconds, top)
-        for operation in sorted({item.operation for item in wanted})
-    )
-    height = removal.height.reshape(grid.rows, grid.columns)
-    return Verification(
-        operations=operations,
-        faults=tuple(faults),
-        resolution=grid.cell,
-        height_map=HeightMap((grid.x0, grid.y0), grid.cell, height),
-        time_s=float(seconds.sum()),
-    )
+class _Machining:
+    """What the maps tell of a program: stock left, rapids and plunges through stock, engagement."""
+
+    def __init__(
+        self,
+        path: Path,
+        targets: tuple[Target, ...],
+        served: Sequence[Target],
+        per_move: _PerMove,
+        top: float,
+        tolerances: Tolerances,
+        fitting_tolerance: float,
+    ) -> None:
+        """Machine the stock; the arguments are as in `verify`."""
+        self._path, self._targets, self._per_move = path, targets, per_move
+        self._top, self._tolerances = top, tolerances
+        self._grid = _grid_for(path, targets, tolerances.resolution, tolerances.max_cells)
+        descent = path.begin[:, 2] - path.end[:, 2]
+        self._steep = ~path.rapid & (np.arctan2(descent, path.planar) > tolerances.ramp_angle)
+        self._bodies = find_bodies(path, served, top)
+        thickness = _thickness(
+            path, targets, per_move.stepdown, top, tolerances.engagement_thickness
+        )
+        sweep = Sweep(
+            path,
+            targets,
+            self._grid,
+            SweepSettings(top, tolerances.height, tolerances.uncut_height),
+            flagged=path.rapid | self._steep,
+            thickness=np.maximum(thickness, tolerances.height),
+            stepdown=per_move.stepdown,
+            bodies=self._bodies,
+        )
+        self._reach = [_reach_of(item, self._grid, fitting_tolerance) for item in targets]
+        self._removal = sweep.run([item.demanded for item in self._reach])
+
+    def judged(self, seconds: FloatArray, gouge: FloatArray, faults: list[Fault]) -> Verification:
+        """Return the verdict, with the (n,) time and gouge of moves and the faults found so far."""
+        path, targets, asked, reach = self._path, self._targets, self._per_move, self._reach
+        removal, top, grid, tolerances = self._removal, self._top, self._grid, self._tolerances
+        plunging = self._steep & ~asked.may_plunge
+        hit, found = _check_descents(path, removal, plunging, top, grid)
+        allowance = asked.radial_allowance
+        found += check_bodies(path, self._bodies, removal.hits, targets, allowance, top)
+        found += _check_load(path, removal, asked.engagement_limit + tolerances.engagement)
+        uncut, left = _check_uncut(path, targets, reach, removal, grid, tolerances)
+        operations = tuple(
+            _figures(index, path, targets, reach, uncut, gouge, hit, removal, seconds, top)
+            for index in sorted({item.operation for item in targets})
+        )
+        height = removal.height.reshape(grid.rows, grid.columns)
+        return Verification(
+            operations=operations,
+            faults=tuple(faults + found + left),
+            resolution=grid.cell,
+            height_map=HeightMap((grid.x0, grid.y0), grid.cell, height),
+            time_s=float(seconds.sum()),
+        )
 
 
 class _PerMove:
@@ -256,25 +241,37 @@ def _thickness(
 def _reach_of(target: Target, grid: Grid, fitting_tolerance: float) -> _Reach:
     """Return what the tool can reach: the region opened by its disk.
 
-    The cells demanded keep clear of the edge by what fitting and the sweep's chords may take, so
-    that no sliver is blamed on the program that is theirs.
+    Unless the operation may plunge, places where it can do nothing else are not demanded. The cells
+    demanded keep clear of the edge by what fitting and the sweep's chords may take, so that no
+    sliver is blamed on the program that is theirs.
     """
     import shapely
 
     radius, segments = target.tool_radius, _QUADRANT_SEGMENTS
     region = shapely.simplify(target.region, 2e-4)
-    inset = radius + target.radial_allowance
-    centres = region.buffer(-inset, quad_segs=segments)
+    centres = region.buffer(-radius - target.radial_allowance, quad_segs=segments)
     area = centres.buffer(radius, quad_segs=segments).area if not centres.is_empty else 0.0
     opened = area
     if target.radial_allowance > 0:
         bare = region.buffer(-radius, quad_segs=segments)
         opened = bare.buffer(radius, quad_segs=segments).area if not bare.is_empty else 0.0
-    sure = region.buffer(-inset - fitting_tolerance, quad_segs=segments)
+    sure = _entered(centres, target.entry).buffer(-fitting_tolerance, quad_segs=segments)
     margin = fitting_tolerance + 0.2 * grid.cell
     sure = sure.buffer(max(radius - margin, 0.5 * radius), quad_segs=segments)
     unreachable = max(target.region.area - opened, 0.0)
     return _Reach(float(area), float(unreachable), cells_inside(sure, grid).ravel())
+
+
+def _entered(centres: BaseGeometry, entry: str) -> BaseGeometry:
+    """Return the positions of the tool without the places that the entry cannot enter."""
+    import shapely
+
+    if entry == "plunge":
+        return centres
+    parts = shapely.get_parts(centres)
+    low_x, low_y, high_x, high_y = shapely.bounds(parts).reshape(-1, 4).T
+    wide = np.maximum(high_x - low_x, high_y - low_y) >= _POINT
+    return shapely.MultiPolygon(parts[wide].tolist())
 
 
 def _check_descents(
@@ -356,9 +353,7 @@ def _check_uncut(
     reach: Sequence[_Reach],
     removal: Removal,
     grid: Grid,
-    *,
-    fraction: float,
-    patch: float,
+    tolerances: Tolerances,
 ) -> tuple[list[float], list[Fault]]:
     """Return the uncut area of each target in mm2, and the faults."""
     areas, faults = [], []
@@ -367,31 +362,35 @@ def _check_uncut(
         areas.append(area)
         if not area:
             continue
-        # Late: good programs leave nothing, and need not wait for this import.
-        from scipy import ndimage
-
-        field = left.reshape(grid.rows, grid.columns)
-        label, _ = ndimage.label(field, structure=np.ones((3, 3)))
-        size = np.bincount(label.ravel())
-        size[0] = 0
-        largest = int(np.argmax(size))
-        largest_area = float(size[largest]) * grid.cell**2
-        if area <= fraction * reached.area and largest_area <= patch:
+        largest, x, y = _largest_patch(left, grid)
+        if area <= tolerances.uncut_fraction * reached.area and largest <= tolerances.uncut_patch:
             continue
-        rows, columns = np.nonzero(label == largest)
-        # The cell of the patch next to its centroid: the centroid itself may lie in the open.
-        row, column = rows.mean(), columns.mean()
-        best = int(np.argmin((rows - row) ** 2 + (columns - column) ** 2))
-        x = grid.x0 + (float(columns[best]) + 0.5) * grid.cell
-        y = grid.y0 + (float(rows[best]) + 0.5) * grid.cell
-        floor = target.floor + target.axial_allowance
         message = (
             f"{area:.3f} mm2 of what the tool can reach ({100 * area / reached.area:.2f} %) is "
-            f"left above the floor; the largest patch has {largest_area:.3f} mm2"
+            f"left above the floor; the largest patch has {largest:.3f} mm2"
         )
         line = _nearest_line(path, target, removal, x, y)
-        faults.append(Fault("uncut", line, (x, y, floor), area, message, target.operation))
+        place = (x, y, target.floor + target.axial_allowance)
+        faults.append(Fault("uncut", line, place, area, message, target.operation))
     return areas, faults
+
+
+def _largest_patch(left: BoolArray, grid: Grid) -> tuple[float, float, float]:
+    """Return area (mm2) and place (x, y) of the largest connected patch of marked cells."""
+    # Late: good programs leave nothing, and need not wait for this import.
+    from scipy import ndimage
+
+    label, _ = ndimage.label(left.reshape(grid.rows, grid.columns), structure=np.ones((3, 3)))
+    size = np.bincount(label.ravel())
+    size[0] = 0
+    largest = int(np.argmax(size))
+    rows, columns = np.nonzero(label == largest)
+    # The cell of the patch next to its centroid: the centroid itself may lie in the open.
+    row, column = rows.mean(), columns.mean()
+    best = int(np.argmin((rows - row) ** 2 + (columns - column) ** 2))
+    x = grid.x0 + (float(columns[best]) + 0.5) * grid.cell
+    y = grid.y0 + (float(rows[best]) + 0.5) * grid.cell
+    return float(size[largest]) * grid.cell**2, x, y
 
 
 def _nearest_line(path: Path, target: Target, removal: Removal, x: float, y: float) -> int:

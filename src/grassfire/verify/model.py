@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -122,6 +123,46 @@ class MachineLimits:
             raise InputError(
                 f"travel {self.travel} is not three pairs of a lower and a higher coordinate"
             )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerances:
+    """How far a good program may be off, and how finely that is looked at.
+
+    Attributes
+    ----------
+    gouge : float
+        How far the tool may reach beyond a wall, mm.
+    height : float
+        Thinner stock under a rapid or plunge does not count, mm.
+    uncut_height : float
+        Stock standing higher above the floor counts as uncut, mm.
+    uncut_fraction, uncut_patch : float
+        Uncut part of the reachable area, and largest connected patch in mm2, that are let pass.
+    ramp_angle : float
+        Feed moves that descend through stock more steeply are plunges, radians.
+    engagement : float
+        By how much a target's engagement limit may be exceeded, degrees.
+    engagement_thickness : float, optional
+        Thinner stock does not count as engaged, mm; by default 0.3 of the stepdown (of the target,
+        or as the levels show it), which leaves out the wedge under a helix or ramp.
+    resolution : float, optional
+        Cell size, mm; by default a fortieth of the smallest tool's radius, up to a twenty-fourth on
+        large pockets.
+    max_cells : int
+        The cell is enlarged where the map would have more.
+    """
+
+    gouge: float = 0.005
+    height: float = 0.02
+    uncut_height: float = 0.02
+    uncut_fraction: float = 0.001
+    uncut_patch: float = 0.5
+    ramp_angle: float = math.radians(30.0)
+    engagement: float = 6.0
+    engagement_thickness: float | None = None
+    resolution: float | None = None
+    max_cells: int = 16_000_000
 
 
 @dataclass(frozen=True)

@@ -15,19 +15,26 @@ from grassfire.verify.sweep import Pieces, build_pieces, expand, joined, lower, 
 _EDGE = 1e-6
 """Depth below the stock's top at which cutting begins, mm."""
 
+_DESCENT = 0.02
+"""Height from which on a fall begins another cut, mm."""
+
 _MAX_LEVELS = 200
 """Thresholds that are kept apart; with more (a path that never stays level) they are merged."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Positions along level or rising feed moves; m rows. `weight` is the length stood for, mm."""
+    """Positions along level or rising feed moves; m rows. `weight` is the length stood for, mm.
+
+    `begun` is the station at which the tool came down before.
+    """
 
     move: IntArray
     point: FloatArray
     heading: FloatArray
     station: FloatArray
     weight: FloatArray
+    begun: FloatArray
 
     def take(self, rows: IntArray) -> Samples:
         """Return some of the samples."""
@@ -37,6 +44,7 @@ class Samples:
             self.heading[rows],
             self.station[rows],
             self.weight[rows],
+            self.begun[rows],
         )
 
 
@@ -99,7 +107,20 @@ def sample_moves(path: Path, top: float, spacing: float, cell: float) -> Samples
         path.heading(move[keep], fraction[keep]),
         path.station[move[keep]] + fraction[keep] * path.length[move[keep]],
         weight[keep],
+        _descended(path)[move[keep]],
     )
+
+
+def _descended(path: Path) -> FloatArray:
+    """Return (n,) the station at which the last descent up to each move ended, 0 before the first.
+
+    Moves that fall one after the other are one descent; small ones do not count.
+    """
+    fall = np.nan_to_num(path.begin[:, 2] - path.end[:, 2])
+    total = np.cumsum(np.maximum(fall, 0.0))
+    before = np.maximum.accumulate(np.where(fall > 0, 0.0, total))
+    down = (fall > 0) & (total - before > _DESCENT)
+    return np.asarray(np.maximum.accumulate(np.where(down, path.station[1:], 0.0)))
 
 
 def rim_in_stock(
@@ -110,8 +131,9 @@ def rim_in_stock(
     A point of the rim cuts if there is stock just outside it and the cutter has just taken some
     just inside it. Outside (half a cell): the cell is first cut after the sample's time, less the
     cell size, within which the cut being made moves over the cell. Inside (a cell): it was first
-    cut within the last one and a half radii of travel; without this a cutter that comes back to
-    where it was, such as in the corner of a wall, would count as cutting what it only touches.
+    cut within the last one and a half radii of travel, and since the tool came down; without this a
+    cutter that comes back to where it was, such as in the corner of a wall or one pass deeper,
+    would count as cutting what it only touches.
     """
     offsets = np.radians(np.arange(-90 + step / 2, 90, step)).astype(np.float32)
     cosine, sine = np.cos(offsets), np.sin(offsets)
@@ -126,7 +148,7 @@ def rim_in_stock(
     outside = (radius / grid.cell + 0.5).astype(np.float32)
     inside = np.maximum(radius / grid.cell - 1.0, 0.0).astype(np.float32)
     now = samples.station - grid.cell
-    recent = samples.station - 1.5 * radius - grid.cell
+    recent = np.maximum(samples.station - 1.5 * radius - grid.cell, samples.begun)
     columns = np.int32(grid.columns)
     for begin in range(0, len(result), 4096):
         part = slice(begin, begin + 4096)

@@ -24,6 +24,10 @@ _CHUNK = 1 << 18
 """Rows or cells that are expanded at once: a few MB of work space, near the size of the cache."""
 
 
+_VERTICAL = 1e-9
+"""Moves that travel no farther across are vertical, mm."""
+
+
 @dataclass(frozen=True)
 class Pieces:
     """Straight pieces of the path below the stock's top, in order of time; k rows.
@@ -71,7 +75,8 @@ def _breakpoints(
     fraction = index / chords[owner]
 
     z0, z1 = path.begin[moves, 2], path.end[moves, 2]
-    sloped = np.abs(z1 - z0) > 1e-9
+    # A vertical move takes the same cells at every height: one piece, of its lower end, will do.
+    sloped = (np.abs(z1 - z0) > 1e-9) & (path.planar[moves] > _VERTICAL)
     first = np.searchsorted(thresholds, np.minimum(z0, z1), side="right")
     last = np.searchsorted(thresholds, np.maximum(z0, z1), side="left")
     crossings = np.where(sloped, np.maximum(last - first, 0), 0)
@@ -110,15 +115,15 @@ def build_pieces(
     station = path.station[move] + fraction * path.length[move]
     same = (owner[1:] == owner[:-1]) & (fraction[1:] - fraction[:-1] > 1e-12)
     first = np.flatnonzero(same)
-    middle = (point[first, 2] + point[first + 1, 2]) / 2
-    first = first[middle <= top + 1e-9]
+    height = _heights(path, move[first], point[first, 2], point[first + 1, 2])
+    below = height <= top + 1e-9
+    first, height = first[below], height[below]
     last = first + 1
     move = move[first]
     slack = np.where(
         path.rapid[move], np.minimum(rapid_clearance, 0.01 * path.tool_radius[move]), 0
     )
-    middle = (point[first, 2] + point[last, 2]) / 2
-    band = np.searchsorted(thresholds, middle - 1e-9).clip(0, len(thresholds) - 1)
+    band = np.searchsorted(thresholds, height - 1e-9).clip(0, len(thresholds) - 1)
     single = Pieces(
         move=move,
         start=point[first, :2],
@@ -132,8 +137,17 @@ def build_pieces(
     level = ~path.rapid[move] & (np.abs(point[first, 2] - point[last, 2]) < 1e-9)
     turn = np.abs(path.sweep[move]) * (fraction[last] - fraction[first])
     sagitta = np.maximum(path.start_radius, path.end_radius)[move] * (1 - np.cos(turn / 2))
-    group = np.where(level, np.round(middle, 9), np.nan)
+    group = np.where(level, np.round(height, 9), np.nan)
     return joined(_merged(single, group, sagitta, chord_error))
+
+
+def _heights(path: Path, move: IntArray, one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return (k,) heights that stand for pieces: of their middles; of vertical ones the lower end.
+
+    `one` and `other` are the heights of their ends, mm.
+    """
+    vertical = path.planar[move] <= _VERTICAL
+    return np.asarray(np.where(vertical, np.minimum(one, other), (one + other) / 2))
 
 
 def joined(pieces: Pieces) -> Pieces:
