@@ -2,12 +2,12 @@
 
     python benchmarks/acceptance.py [COUNT] [--drawings FOLDER] [--seconds 120]
 
-Each drawing of the folder and each pocket of `pockets.py` is planned once, with the first tool
-that finds room, and written by the posts whose dialect the interpreter reads, in turn, until COUNT
-programs (300) are made. A program is accepted if the interpreter takes it with no arc whose radii
-differ by more than 0.001 mm, and right if its motions are the planned ones, every end to the last
-decimal of the post. Each plan is also written for grbl and checked by its rules. Needs LCNC_ROOT
-(see tests/linuxcnc_motions.py).
+Each drawing of the folder and each pocket of `pockets.py` is planned once, by rings with the first
+tool that finds room and by one of the strategies in turn with a smaller one, and written by the
+posts whose dialect the interpreter reads, in turn, until COUNT programs (300) are made. A program
+is accepted if the interpreter takes it with no arc whose radii differ by more than 0.001 mm, and
+right if its motions are the planned ones, every end to the last decimal of the post. Each plan is
+also written for grbl and checked by its rules. Needs LCNC_ROOT (see tests/linuxcnc_motions.py).
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
+from drawings import JOB  # noqa: E402
 from pockets import names, pocket, write_dxf  # noqa: E402
 
 from grassfire import GrassfireError  # noqa: E402
@@ -40,37 +41,27 @@ from linuxcnc_motions import DIALECT, MISSING, available, deviation, interpret  
 ARC_TOLERANCE = 0.001  # mm
 HALF = 0.51  # of the last decimal: how far a rounded end may be off
 POSTS_A_PLAN = 6
+WHOLE = ("offset", "spiral", "adaptive")
+"""Strategies of the second operation, in turn."""
+
 CLEARANCE = 15.0
 
-JOB = """\
-name = "accepted"
-[input]
-file = {file}
-{units}
-[[tools]]
-number = 1
-diameter = {first}
-spindle_speed = 18000
-feed = 900
-plunge_feed = 200
-coolant = "flood"
+AGAIN = """\
 [[tools]]
 number = 2
 diameter = {second}
 spindle_speed = 20000
 feed = 600
 plunge_feed = 150
-[[operations]]
-strategy = "offset"
-tool = 1
-depth = {depth}
+coolant = "flood"
 [[operations]]
 name = "again"
-strategy = "offset"
+strategy = {strategy}
 tool = 2
 depth = {depth}
 stepover = 0.37
 """
+"""What follows the job of one operation."""
 
 
 @dataclass
@@ -108,14 +99,16 @@ def sources(folder: Path, work: Path) -> Iterator[tuple[Path, tuple[float, ...]]
             yield path, (shape.diameter, shape.diameter / 2)
 
 
-def plan(drawing: Path, diameters: tuple[float, ...], work: Path) -> Program:
+def plan(drawing: Path, diameters: tuple[float, ...], work: Path, strategy: str) -> Program:
     """Two operations with two tools, the larger one being the first that finds room."""
     failure: GrassfireError | None = None
+    texts = {"name": "accepted", "post": "linuxcnc", "file": str(drawing), "strategy": strategy}
+    words = {key: json.dumps(text) for key, text in texts.items()}
     for diameter in diameters:
         for units in ("", 'units = "mm"'):
             job = work / "job.toml"
-            sizes = {"first": diameter, "second": 0.7 * diameter, "depth": 0.5 * diameter}
-            job.write_text(JOB.format(file=json.dumps(str(drawing)), units=units, **sizes))
+            sizes = {"diameter": diameter, "second": 0.7 * diameter, "depth": 0.5 * diameter}
+            job.write_text((JOB + AGAIN).format(units=units, **words, **sizes))
             try:
                 return plan_job(load_job(job), Stopwatch()).program
             except GrassfireError as error:
@@ -126,20 +119,20 @@ def plan(drawing: Path, diameters: tuple[float, ...], work: Path) -> Program:
     raise failure
 
 
-def _plan_into(results: Any, drawing: Path, diameters: tuple[float, ...], work: Path) -> None:
+def _plan_into(results: Any, *job: Any) -> None:
     try:
-        results.put(plan(drawing, diameters, work))
+        results.put(plan(*job))
     except GrassfireError as error:
         results.put(str(error))
 
 
 def plan_in_time(
-    drawing: Path, diameters: tuple[float, ...], work: Path, seconds: float
+    drawing: Path, diameters: tuple[float, ...], work: Path, strategy: str, seconds: float
 ) -> Program | str:
     """A plan, or why there is none."""
     context = multiprocessing.get_context("fork")
     results = context.Queue()
-    worker = context.Process(target=_plan_into, args=(results, drawing, diameters, work))
+    worker = context.Process(target=_plan_into, args=(results, drawing, diameters, work, strategy))
     worker.start()
     try:
         return results.get(timeout=seconds)  # type: ignore[no-any-return]
@@ -192,10 +185,11 @@ def run(count: int, folder: Path, seconds: float) -> Tally:
     turn = 0
     with tempfile.TemporaryDirectory() as name:
         work = Path(name)
-        for drawing, diameters in sources(folder, work):
+        for number, (drawing, diameters) in enumerate(sources(folder, work)):
             if tally.count >= count:
                 break
-            program = plan_in_time(drawing, diameters, work, seconds)
+            strategy = WHOLE[number // 2 % len(WHOLE)]
+            program = plan_in_time(drawing, diameters, work, strategy, seconds)
             if isinstance(program, str):
                 tally.unplanned[drawing.stem] = program
                 continue

@@ -14,6 +14,7 @@ import outlines as make
 import shapely
 from numpy.typing import ArrayLike
 from outlines import TURN, FloatArray, Random, polar
+from pockets import round_rooms
 
 from grassfire.errors import GeometryError
 from grassfire.geometry import Arc, Bezier, Curve, EllipticalArc, Line, Loop, Region, flatten
@@ -372,7 +373,7 @@ def neck(draw: Random) -> Region:
     """Rooms joined by channels a thousand times narrower."""
     width = 1e-3 * draw.uniform(10, 30)
     if draw.uniform() < 0.4:
-        return moved(round_rooms(draw, width), draw.uniform(0, TURN))
+        return moved(two_round_rooms(draw, width), draw.uniform(0, TURN))
     rooms = int(draw.integers(2, 5))
     lower: list[tuple[float, float]] = []
     upper: list[tuple[float, float]] = []
@@ -394,22 +395,10 @@ def neck(draw: Random) -> Region:
     return moved(Region(loop), draw.uniform(0, TURN))
 
 
-def round_rooms(draw: Random, width: float) -> Region:
+def two_round_rooms(draw: Random, width: float) -> Region:
     """Two circles joined by a straight channel."""
     first, second, gap = draw.uniform(5, 15), draw.uniform(5, 15), draw.uniform(0.5, 10)
-    half, other = np.arcsin(width / 2 / first), np.arcsin(width / 2 / second)
-    away = np.array([first * np.cos(half) + gap + second * np.cos(other), 0.0])
-    left, right = polar(first, [half, -half]), away + polar(second, [np.pi - other, np.pi + other])
-    return Region(
-        Loop(
-            (
-                Arc(make.ORIGIN, first, half, TURN - 2 * half),
-                Line(left[1], right[1]),
-                Arc(away, second, other - np.pi, TURN - 2 * other),
-                Line(right[0], left[0]),
-            )
-        )
-    )
+    return round_rooms(first, second, width, gap)
 
 
 def near_tangent(draw: Random) -> Region:

@@ -161,16 +161,7 @@ def written_moves(
             f"tolerance {tolerance:g} mm is below the post's last decimal ({unit:g} mm)",
             remedy="raise the tolerance or use a post with more decimals",
         )
-    moves = _planned(toolpath, start)
-    # Both ends of a chord may be half a grid diagonal off.
-    chord_height = max(tolerance - np.sqrt(0.5) * unit, tolerance / 4)
-    moves = _cut_to_limits(moves, arcs, unit, chord_height)
-    while not moves.settled.all():
-        moves = _settle(moves, arcs, grid, tolerance)
-        failed = ~moves.settled
-        flat = failed & (moves.height <= chord_height)
-        moves = _as_lines(moves, flat)
-        moves = _subdivide(moves, np.where(failed & ~flat, 2, 1))
+    moves = _settled(_planned(toolpath, start), arcs, grid, tolerance)
     begin, end = grid.nearest(moves.begin), grid.nearest(moves.end)
     # Not a number differs from itself: an axis that becomes known is a move.
     kept = (moves.kind >= MoveKind.ARC_CW) | np.any((begin != end) & ~np.isnan(end), axis=1)
@@ -185,6 +176,21 @@ def written_moves(
         moves.feed[kept],
         moves.source[kept],
     )
+
+
+def _settled(moves: _Planned, arcs: Arcs, grid: Grid, tolerance: float) -> _Planned:
+    """The moves as lines and arcs that the controller takes as they will be written."""
+    unit = grid.step
+    # Both ends of a chord may be half a grid diagonal off.
+    chord_height = max(tolerance - np.sqrt(0.5) * unit, tolerance / 4)
+    moves = _cut_to_limits(moves, arcs, unit, chord_height)
+    while not moves.settled.all():
+        moves = _settle(moves, arcs, grid, tolerance)
+        failed = ~moves.settled
+        flat = failed & (moves.height <= chord_height)
+        moves = _as_lines(moves, flat)
+        moves = _subdivide(moves, np.where(failed & ~flat, 2, 1))
+    return moves
 
 
 def _planned(toolpath: Toolpath, start: FloatArray | None) -> _Planned:
