@@ -259,6 +259,39 @@ def test_cuts_and_links_in_stock_are_never_lifted() -> None:
         assert builder.build().end[:, 2].tolist() == [-2.0]
 
 
+def test_columns_of_moves_are_the_moves_one_by_one() -> None:
+    one, many = ToolpathBuilder((0.0, 0.0, 0.0)), ToolpathBuilder((0.0, 0.0, 0.0))
+    one.line(1.0, 0.0, -1.0, 300.0, Role.CUT)
+    one.arc(3.0, 0.0, -2.0, (2.0, 0.0), True, 200.0, Role.CUT)
+    nan = float("nan")
+    many.extend(
+        [MoveKind.LINE, MoveKind.ARC_CCW],
+        [(1.0, 0.0, -1.0), (3.0, 0.0, -2.0)],
+        [(nan, nan), (2.0, 0.0)],
+        [300.0, 200.0],
+        Role.CUT,
+    )
+    many.extend([], [], [], [], Role.LINK)
+    assert many.position == one.position
+    for name, column in vars(one.build()).items():
+        np.testing.assert_array_equal(getattr(many.build(), name), column)
+
+
+def test_every_depth_of_a_stroke_differs_in_z_alone() -> None:
+    levels = Levels(0.0, 3.0, 15.0, 0.5, 5000.0)
+    feeds = _feeds(job_of().operations[0], job_of().tool(1), 2.0)
+    builder = ToolpathBuilder((0.0, 0.0, 0.0))
+    ring = circle(np.zeros(2), np.array([2.0, 0.0]), 1)
+    strokes = [Stroke(StrokeKind.FEED, path, Role.CUT) for path in (ring, LINK)]
+    Emitter(builder, levels, feeds).passes(strokes, [], np.array([-1.0, -2.5]))
+    moves = builder.build()
+    upper, lower = slice(0, len(moves) // 2), slice(len(moves) // 2, None)
+    for column in (moves.kind, moves.centre, moves.feed, moves.role, moves.end[:, :2]):
+        np.testing.assert_array_equal(column[upper], column[lower])
+    assert set(moves.end[upper, 2].tolist()) == {-1.0}
+    assert set(moves.end[lower, 2].tolist()) == {-2.5}
+
+
 def test_chip_thinning_needs_a_known_engagement_and_speeds_up_by_its_sine() -> None:
     for strategy in ("offset", "spiral"):
         with pytest.raises(ValidationError, match="engagement that is known"):

@@ -91,6 +91,18 @@ def test_the_tangent_is_the_derivative(along: float) -> None:
     assert np.allclose(slope, path.tangent(along), atol=1e-4)
 
 
+@given(st.integers(0, 2**32 - 1))
+def test_one_point_is_to_the_bit_that_of_many(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    count = int(random.integers(1, 8))
+    sweep = np.where(random.random(count) < 0.5, 0.0, random.uniform(-6, 6, count))
+    centre = np.where((sweep != 0)[:, None], random.normal(0, 9, (count, 2)), np.nan)
+    path = Path(random.normal(0, 9, (count + 1, 2)), centre, sweep)
+    places = np.concatenate([path.cumulative, random.uniform(-1, path.length + 1, 9)])
+    for along, point in zip(places.tolist(), path.at(places), strict=True):
+        np.testing.assert_array_equal(path.point(along), point)
+
+
 def test_equal_neighbours_become_one() -> None:
     square = np.array([[0, 0], [1, 0], [2, 0], [2, 2], [1, 2], [0, 2], [0, 1], [0, 0]], dtype=float)
     tidied = tidy(Path(square, np.full((7, 2), np.nan), np.zeros(7)))
@@ -216,6 +228,17 @@ def test_the_nearest_rings_that_are_left_come_first() -> None:
     assert place.ring == 2
     assert place.nearest.distance == pytest.approx(2.5)
     assert np.allclose(place.nearest.point, [9.0, 0.0])
+
+
+def test_a_ring_that_is_cut_is_not_found_where_it_was_found_before() -> None:
+    rings = link.RingSet([stadium(10, 3), stadium(10, 2)])
+    asked = np.array([5.0, -4.0])
+    assert [place.ring for place in rings.nearest_left(asked, 2)] == [0, 1]
+    rings.left[0] = False
+    (place,) = rings.nearest_left(asked, 2)
+    assert (place.ring, place.nearest.distance) == (1, pytest.approx(2.0))
+    (place,) = rings.nearest_left(np.array([5.0, 0.5]), 2)
+    assert place.nearest.distance == pytest.approx(1.5)
 
 
 def test_the_shorter_way_round_is_walked() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -140,7 +141,7 @@ class ToolpathBuilder:
         self.position = self.start
         self._kind: list[int] = []
         self._end: list[tuple[float, float, float]] = []
-        self._centre: list[tuple[float, float]] = []
+        self._centre: list[Sequence[float]] = []
         self._feed: list[float] = []
         self._role: list[int] = []
         self._line: list[int] = []
@@ -202,6 +203,25 @@ class ToolpathBuilder:
             role,
             line,
         )
+
+    def extend(
+        self,
+        kind: Sequence[int],
+        end: Sequence[tuple[float, float, float]],
+        centre: Sequence[Sequence[float]],
+        feed: Sequence[float],
+        role: Role,
+    ) -> None:
+        """Append moves of one role at once, each column as `Toolpath` has it, without lines."""
+        if not len(kind):
+            return
+        self._kind.extend(kind)
+        self._end.extend(end)
+        self._centre.extend(centre)
+        self._feed.extend(feed)
+        self._role.extend([int(role)] * len(kind))
+        self._line.extend([0] * len(kind))
+        self.position = end[-1]
 
     def build(self) -> Toolpath:
         """Freeze the moves."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from grassfire.plan.path import BoolArray, IntArray, Nearest, Path, nearest_on_pieces, segment
+from grassfire.plan.path import BoolArray, IntArray, Nearest, Path, Pieces, segment
 from grassfire.toolpath import FloatArray
 
 if TYPE_CHECKING:
@@ -103,23 +104,29 @@ class RingSet:
     def __init__(self, rings: Sequence[Path]) -> None:
         self.rings = tuple(rings)
         self.left = np.ones(len(self.rings), dtype=bool)
+        self._asked: tuple[tuple[float, float], tuple[FloatArray, FloatArray]] | None = None
         count = np.array([len(ring) for ring in self.rings])
         self._first: IntArray = np.cumsum(count) - count
-        self._start = np.concatenate([ring.points[:-1] for ring in self.rings])
-        self._end = np.concatenate([ring.points[1:] for ring in self.rings])
-        self._centre = np.concatenate([ring.centre for ring in self.rings])
-        self._sweep = np.concatenate([ring.sweep for ring in self.rings])
+        self._columns = (
+            np.concatenate([ring.points[:-1] for ring in self.rings]),
+            np.concatenate([ring.points[1:] for ring in self.rings]),
+            np.concatenate([ring.centre for ring in self.rings]),
+            np.concatenate([ring.sweep for ring in self.rings]),
+        )
 
     @cached_property
-    def _pieces(self) -> _Pieces:
+    def _pieces(self) -> Pieces:
+        """The pieces of all rings, prepared for nearest places."""
+        return Pieces(*self._columns)
+
+    @cached_property
+    def _barriers(self) -> _Barriers:
         """The pieces of all rings, prepared for crossings."""
-        return _Pieces(self._start, self._end, self._centre, self._sweep)
+        return _Barriers(*self._columns)
 
     def nearest_left(self, point: FloatArray, count: int = 1) -> list[RingPlace]:
         """Nearest places on the `count` nearest rings that are left, nearest first."""
-        fraction, distance = nearest_on_pieces(
-            self._start, self._end, self._centre, self._sweep, point
-        )
+        fraction, distance = self._nearest(point)
         best = np.where(self.left, np.minimum.reduceat(distance, self._first), np.inf)
         order = [
             int(ring) for ring in np.argsort(best, kind="stable")[:count] if np.isfinite(best[ring])
@@ -131,9 +138,16 @@ class RingSet:
             chosen = first + local
             path = self.rings[ring]
             along = float(path.cumulative[local] + fraction[chosen] * path.lengths[local])
-            place = Nearest(along, path.at(np.array([along]))[0], float(distance[chosen]))
+            place = Nearest(along, path.point(along), float(distance[chosen]))
             places.append(RingPlace(ring, place))
         return places
+
+    def _nearest(self, point: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Nearest places of all pieces; a place is often asked about twice in a row."""
+        place = (float(point[0]), float(point[1]))
+        if self._asked is None or self._asked[0] != place:
+            self._asked = place, self._pieces.nearest(point)
+        return self._asked[1]
 
     def crossed(self, starts: FloatArray, ends: FloatArray) -> BoolArray:
         """Whether any ring, cut or not, crosses the inside of each straight way.
@@ -147,41 +161,38 @@ class RingSet:
         -------
         (m,) bool array
         """
-        return self._pieces.crossed(starts, ends)
+        return self._barriers.crossed(starts, ends)
 
 
-class _Pieces:
+class _Barriers:
     """Lines and arcs as columns, for crossings with straight ways."""
 
     def __init__(
         self, start: FloatArray, end: FloatArray, centre: FloatArray, sweep: FloatArray
     ) -> None:
         low, high = _boxes(start, end, centre, sweep)
-        self._low_x, self._low_y = np.ascontiguousarray(low.T)
-        self._high_x, self._high_y = np.ascontiguousarray(high.T)
-        self._x, self._y = np.ascontiguousarray(start.T)
-        self._side_x, self._side_y = np.ascontiguousarray((end - start).T)
-        self._centre_x, self._centre_y = np.ascontiguousarray(centre.T)
+        # a box is met where none of its four sides is beyond the opposite one of the other
+        self._sides = np.concatenate([low.T, -high.T])
         spoke = start - centre
-        self._spoke_x, self._spoke_y = np.ascontiguousarray(spoke.T)
-        self._square = np.sum(spoke * spoke, axis=1)
-        self._sweep = sweep
+        square = np.sum(spoke * spoke, axis=1)
+        self._line_columns = np.concatenate([start.T, (end - start).T])
+        self._arc_columns = np.concatenate([centre.T, spoke.T, square[None], sweep[None]])
         self._arc = sweep != 0.0
 
     def crossed(self, starts: FloatArray, ends: FloatArray) -> BoolArray:
         """(m,) whether any piece crosses the inside of each straight way; see `RingSet.crossed`."""
         hit = np.zeros(len(starts), dtype=bool)
-        low, high = np.minimum(starts, ends), np.maximum(starts, ends)
-        meet = self._low_x <= high[:, :1]
-        meet &= self._high_x >= low[:, :1]
-        meet &= self._low_y <= high[:, 1:]
-        meet &= self._high_y >= low[:, 1:]
-        row, piece = meet.nonzero()
+        opposite = np.concatenate([np.maximum(starts, ends).T, -np.minimum(starts, ends).T])
+        # few pieces are near any of the ways: those first
+        near = _all(self._sides <= opposite.max(axis=1)[:, None]).nonzero()[0]
+        sides = self._sides.take(near, axis=1)
+        row, column = _all(sides[:, None, :] <= opposite[:, :, None]).nonzero()
         if not len(row):
             return hit
+        piece = near[column]
         way = ends - starts
         margin = np.minimum(END / np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-300), 0.5)
-        columns = np.concatenate([starts, way, margin[:, None]], axis=1).T
+        columns = np.concatenate([starts.T, way.T, margin[None]])
         arc = self._arc[piece]
         for chosen, test in ((~arc, self._lines), (arc, self._arcs)):
             pairs = chosen.nonzero()[0]
@@ -193,8 +204,8 @@ class _Pieces:
     def _lines(self, ways: FloatArray, piece: IntArray) -> BoolArray:
         """(k,) whether each way crosses its line; ways are columns x, y, their extents, margin."""
         x, y, way_x, way_y, margin = ways
-        side_x, side_y = self._side_x[piece], self._side_y[piece]
-        gap_x, gap_y = self._x[piece] - x, self._y[piece] - y
+        line_x, line_y, side_x, side_y = self._line_columns.take(piece, axis=1)
+        gap_x, gap_y = line_x - x, line_y - y
         across = way_x * side_y - way_y * side_x
         safe = np.where(across == 0.0, 1.0, across)
         along = (gap_x * side_y - gap_y * side_x) / safe
@@ -205,27 +216,37 @@ class _Pieces:
     def _arcs(self, ways: FloatArray, piece: IntArray) -> BoolArray:
         """(k,) whether each way crosses its arc; ways as in `_lines`."""
         x, y, way_x, way_y, margin = ways
-        gap_x, gap_y = x - self._centre_x[piece], y - self._centre_y[piece]
+        centre_x, centre_y, spoke_x, spoke_y, radius_square, sweep = self._arc_columns.take(
+            piece, axis=1
+        )
+        gap_x, gap_y = x - centre_x, y - centre_y
         square = np.maximum(way_x * way_x + way_y * way_y, 1e-300)
         half = gap_x * way_x + gap_y * way_y
-        rest = gap_x * gap_x + gap_y * gap_y - self._square[piece]
+        rest = gap_x * gap_x + gap_y * gap_y - radius_square
         root = half * half - square * rest
         step = np.sqrt(np.maximum(root, 0.0))
         # where the way meets the circle, coming and going
         along = np.stack([-half - step, -half + step]) / square
         found = (root > 0) & (along > margin) & (along < 1 - margin)
         _, pair = found.nonzero()
+        hit = np.zeros(len(x), dtype=bool)
+        if not len(pair):
+            return hit
         along = along[found]
         place_x, place_y = gap_x[pair] + along * way_x[pair], gap_y[pair] + along * way_y[pair]
-        piece = piece[pair]
-        spoke_x, spoke_y, sweep = self._spoke_x[piece], self._spoke_y[piece], self._sweep[piece]
+        spoke_x, spoke_y, sweep = spoke_x[pair], spoke_y[pair], sweep[pair]
         turn = np.arctan2(
             spoke_x * place_y - spoke_y * place_x, spoke_x * place_x + spoke_y * place_y
         )
         swept = np.mod(turn * np.sign(sweep) + 1e-9, 2 * np.pi)
-        hit = np.zeros(len(x), dtype=bool)
         hit[pair[swept <= np.abs(sweep) + 2e-9]] = True
         return hit
+
+
+def _all(sides: BoolArray) -> BoolArray:
+    """Where all four tables (4, ...) hold."""
+    both = sides[:2] & sides[2:]
+    return np.asarray(both[0] & both[1])
 
 
 def _boxes(
@@ -421,6 +442,4 @@ def walk(ring: Path, along: float) -> Path | None:
 
 def straight(start: FloatArray, end: FloatArray) -> Path | None:
     """Straight way, None where the places are the same to 1e-9 mm."""
-    if np.hypot(*(end - start)) <= 1e-9:
-        return None
-    return segment(start, end)
+    return None if math.dist(start, end) <= 1e-9 else segment(start, end)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -118,10 +119,14 @@ def plan_operation(
     feeds = _feeds(operation, tool, job.stock.top - float(floors[0]))
     settings = _settings(operation, tool, job, levels, feeds, job.stock.top - float(floors[0]))
     _check_length(axes, tool, settings, len(floors))
-    pockets = _pockets(axes, operation, tool, settings, findings)
     builder = ToolpathBuilder(_start(start, levels))
-    _machine(pockets, Emitter(builder, levels, feeds), floors)
-    reached = [reach(axis.region, wall) for axis in axes]
+    # polygons are worked on outside the interpreter, meanwhile
+    with ThreadPoolExecutor(max_workers=1) as pool:
+        opened = [pool.submit(reach, axis.region, wall) for axis in axes]
+        pockets = _pockets(axes, operation, tool, settings, findings)
+        _machine(pockets, Emitter(builder, levels, feeds), floors)
+        findings += [finding for _, pocket in pockets for finding in pocket.findings]
+        reached = [item.result() for item in opened]
     findings += _unreached(reached, tool, operation)
     return PlannedOperation(
         builder.build(),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,15 +79,24 @@ class Path:
     @cached_property
     def lengths(self) -> FloatArray:
         """(n,) length of each piece, mm."""
-        chord = np.diff(self.points, axis=0)
+        chord = self.points[1:] - self.points[:-1]
         straight = np.hypot(chord[:, 0], chord[:, 1])
-        round_ = np.where(self.is_arc, self.radius, 0.0) * np.abs(self.sweep)
-        return np.where(self.is_arc, round_, straight)
+        arc = self.is_arc.nonzero()[0]
+        if len(arc):
+            straight[arc] = self.radius[arc] * np.abs(self.sweep[arc])
+        return straight
 
     @cached_property
     def cumulative(self) -> FloatArray:
         """(n + 1,) arc length at each point, mm."""
-        return np.concatenate([[0.0], np.cumsum(self.lengths)])
+        total = np.zeros(len(self) + 1)
+        np.cumsum(self.lengths, out=total[1:])
+        return total
+
+    @cached_property
+    def rows(self) -> tuple[list[list[float]], list[list[float]], list[float]]:
+        """End, centre and sweep of each piece as lists."""
+        return self.points[1:].tolist(), self.centre.tolist(), self.sweep.tolist()
 
     @property
     def length(self) -> float:
@@ -129,39 +138,64 @@ class Path:
             turned = np.empty_like(offset)
             turned[..., 0] = cos * offset[..., 0] - sin * offset[..., 1]
             turned[..., 1] = sin * offset[..., 0] + cos * offset[..., 1]
-            exact = np.where(arc[..., None], centre + turned, exact)
-        return np.where((fraction >= 1.0)[..., None], end, exact)
+            exact[arc] = (centre + turned)[arc]
+        done = fraction >= 1.0
+        if done.any():
+            exact[done] = end[done]
+        return exact
 
     def at(self, along: FloatArray) -> FloatArray:
         """(m, 2) points at arc lengths `along` (m,), mm."""
         piece, fraction = self._locate(np.asarray(along, dtype=np.float64))
         return self._evaluate(piece, fraction)
 
+    def point(self, along: float) -> FloatArray:
+        """(2,) point at arc length `along`, mm; to the last bit that of `at`."""
+        return self._place(*self._piece(along))
+
+    def _piece(self, along: float) -> tuple[int, float]:
+        """As `_locate` for one place."""
+        inside = min(max(along, 0.0), self.length)
+        piece = int(self.cumulative.searchsorted(inside, side="right")) - 1
+        piece = min(max(piece, 0), len(self) - 1)
+        fraction = (inside - self.cumulative[piece]) / max(self.lengths[piece], 1e-300)
+        return piece, float(min(max(fraction, 0.0), 1.0))
+
+    def _place(self, piece: int, fraction: float) -> FloatArray:
+        """As `_evaluate` for one place."""
+        if fraction >= 1.0:
+            return np.array(self.points[piece + 1])
+        begin = self.points[piece]
+        if not self.is_arc[piece]:
+            return np.asarray(begin + (self.points[piece + 1] - begin) * fraction)
+        centre = self.centre[piece]
+        x, y = (begin - centre).tolist()
+        angle = self.sweep[piece] * fraction
+        cos, sin = np.cos(angle), np.sin(angle)
+        return np.asarray(centre + np.array([cos * x - sin * y, sin * x + cos * y]))
+
     def tangent(self, along: float) -> FloatArray:
         """(2,) unit direction of travel at arc length `along`."""
-        located, fraction = self._locate(np.array([along]))
-        piece = int(located[0])
+        piece, fraction = self._piece(along)
         if not self.is_arc[piece]:
             chord = self.points[piece + 1] - self.points[piece]
             return np.asarray(chord / np.hypot(chord[0], chord[1]))
-        offset = self._evaluate(located, fraction)[0] - self.centre[piece]
+        offset = self._place(piece, fraction) - self.centre[piece]
         normal = offset / np.hypot(offset[0], offset[1])
         turn = np.sign(self.sweep[piece])
         return np.array([-normal[1] * turn, normal[0] * turn])
 
     def slice(self, start: float, stop: float) -> Path:
         """The part between two arc lengths, 0 <= start < stop <= length, mm."""
-        located, fraction = self._locate(np.array([start, stop]))
-        first, last = int(located[0]), int(located[1])
-        if fraction[1] == 0.0 and last > first:
-            last, fraction[1] = last - 1, 1.0
-        ends = self._evaluate(np.array([first, last]), fraction)
+        (first, left), (last, kept) = self._piece(start), self._piece(stop)
+        if kept == 0.0 and last > first:
+            last, kept = last - 1, 1.0
         inner = self.points[first + 1 : last + 1]
         share = np.ones(last - first + 1)
-        share[-1] = fraction[1]
-        share[0] -= fraction[0]
+        share[-1] = kept
+        share[0] -= left
         return Path(
-            np.concatenate([ends[:1], inner, ends[1:]]),
+            np.concatenate([self._place(first, left)[None], inner, self._place(last, kept)[None]]),
             self.centre[first : last + 1],
             self.sweep[first : last + 1] * share,
         )
@@ -174,17 +208,16 @@ class Path:
         if along <= 0.0 or along >= self.length:
             return self
         if len(self) == 1 and abs(abs(self.sweep[0]) - _FULL_TURN) < 1e-12:
-            place = self.at(np.array([along]))
-            return Path(np.concatenate([place, place]), self.centre, self.sweep)
+            place = self.point(along)
+            return Path(np.stack([place, place]), self.centre, self.sweep)
         return join(self.slice(along, self.length), self.slice(0.0, along))
 
     def nearest(self, point: FloatArray) -> Nearest:
         """Nearest point of the chain to `point` (2,)."""
-        fraction, distance = nearest_on_pieces(
-            self.points[:-1], self.points[1:], self.centre, self.sweep, point
-        )
+        pieces = Pieces(self.points[:-1], self.points[1:], self.centre, self.sweep)
+        fraction, distance = pieces.nearest(point)
         best = int(np.argmin(distance))
-        place = self._evaluate(np.array([best]), fraction[best : best + 1])[0]
+        place = self._place(best, float(fraction[best]))
         along = float(self.cumulative[best] + fraction[best] * self.lengths[best])
         return Nearest(along, place, float(distance[best]))
 
@@ -211,41 +244,71 @@ class Path:
         return cKDTree(self.sampled[0])
 
 
-def nearest_on_pieces(
-    start: FloatArray, end: FloatArray, centre: FloatArray, sweep: FloatArray, point: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Nearest place of each of n lines and arcs to one point.
+class Pieces:
+    """Lines and arcs as columns, prepared for the nearest place of each of them.
 
-    Returns
-    -------
-    fraction : (n,) float array
-        Where along each piece, in [0, 1].
-    distance : (n,) float array
-        How far from `point`, mm.
+    Parameters
+    ----------
+    start, end : (n, 2) float arrays
+        mm.
+    centre : (n, 2) float array
+        Of arcs, mm.
+    sweep : (n,) float array
+        Radians; 0 for lines.
     """
-    chord = end - start
-    size = np.maximum(np.sum(chord * chord, axis=1), 1e-300)
-    fraction = np.clip(np.sum((point - start) * chord, axis=1) / size, 0.0, 1.0)
-    foot = start + chord * fraction[:, None] - point
-    distance = np.hypot(foot[:, 0], foot[:, 1])
-    arc = np.flatnonzero(sweep)
-    if len(arc):
-        offset, towards = start[arc] - centre[arc], point - centre[arc]
-        radius = np.hypot(offset[:, 0], offset[:, 1])
-        turn = np.arctan2(
-            offset[:, 0] * towards[:, 1] - offset[:, 1] * towards[:, 0],
-            np.sum(offset * towards, axis=1),
-        )
-        size_arc = np.abs(sweep[arc])
-        swept = np.mod(turn * np.sign(sweep[arc]), _FULL_TURN)
-        on_arc = swept <= size_arc
-        to_start = np.hypot(*(start[arc] - point).T)
-        to_end = np.hypot(*(end[arc] - point).T)
-        near_end = np.where(to_end < to_start, 1.0, 0.0)
-        fraction[arc] = np.where(on_arc, swept / size_arc, near_end)
-        gap = np.abs(np.hypot(towards[:, 0], towards[:, 1]) - radius)
-        distance[arc] = np.where(on_arc, gap, np.minimum(to_start, to_end))
-    return fraction, distance
+
+    def __init__(
+        self, start: FloatArray, end: FloatArray, centre: FloatArray, sweep: FloatArray
+    ) -> None:
+        self._start, self._end = start, end
+        self._chord = end - start
+        self._square = np.maximum(_dot(self._chord, self._chord), 1e-300)
+        self._arc = arc = sweep.nonzero()[0]
+        self._centre = centre[arc]
+        self._spoke = start[arc] - self._centre
+        self._radius = np.hypot(self._spoke[:, 0], self._spoke[:, 1])
+        self._size, self._sign = np.abs(sweep[arc]), np.sign(sweep[arc])
+
+    def nearest(self, point: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Nearest place of each piece to one point (2,), mm.
+
+        Returns
+        -------
+        fraction : (n,) float array
+            Where along each piece, in [0, 1].
+        distance : (n,) float array
+            How far from `point`, mm.
+        """
+        along = _dot(point - self._start, self._chord) / self._square
+        fraction = np.minimum(np.maximum(along, 0.0), 1.0)
+        foot = self._start + self._chord * fraction[:, None] - point
+        distance = np.hypot(foot[:, 0], foot[:, 1])
+        arc = self._arc
+        if len(arc):
+            spoke, towards = self._spoke, point - self._centre
+            turn = np.arctan2(
+                spoke[:, 0] * towards[:, 1] - spoke[:, 1] * towards[:, 0], _dot(spoke, towards)
+            )
+            swept = np.mod(turn * self._sign, _FULL_TURN)
+            on_arc = swept <= self._size
+            first, last = self._start[arc] - point, self._end[arc] - point
+            to_start = np.hypot(first[:, 0], first[:, 1])
+            to_end = np.hypot(last[:, 0], last[:, 1])
+            near_end = np.where(to_end < to_start, 1.0, 0.0)
+            fraction[arc] = np.where(on_arc, swept / self._size, near_end)
+            gap = np.abs(np.hypot(towards[:, 0], towards[:, 1]) - self._radius)
+            distance[arc] = np.where(on_arc, gap, np.minimum(to_start, to_end))
+        return fraction, distance
+
+
+def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
+    """(n,) inner products of plane vectors (n, 2)."""
+    return np.asarray(one[:, 0] * other[:, 0] + one[:, 1] * other[:, 1])
+
+
+def _before(column: NDArray[Any]) -> NDArray[Any]:
+    """The rows of a closed chain, each in the place of the one after it."""
+    return np.concatenate([column[-1:], column[:-1]])
 
 
 def join(*paths: Path) -> Path:
@@ -322,14 +385,13 @@ def tidy(path: Path, shortest: float = 1e-4) -> Path:
         if not short.any() or len(path) < 3:
             break
         # of neighbouring short pieces only every other one is dropped at a time: the rest grows
-        drop = short & ~np.roll(short, 1)
+        drop = short & ~_before(short)
         if not drop.any():
             drop[::2] = True
         keep = ~drop
         # a kept piece starts where the dropped one before it started
-        start = np.where(
-            np.roll(drop, 1)[:, None], np.roll(path.points[:-1], 1, axis=0), path.points[:-1]
-        )
+        own = path.points[:-1]
+        start = np.where(_before(drop)[:, None], _before(own), own)
         kept = start[keep]
         points = np.concatenate([kept, kept[:1]])
         path = _recentred(Path(points, path.centre[keep], path.sweep[keep]))
@@ -338,18 +400,16 @@ def tidy(path: Path, shortest: float = 1e-4) -> Path:
 
 def _recentred(path: Path) -> Path:
     """Centres moved onto the bisectors of the chords, so that both radii of an arc agree."""
-    chord = np.diff(path.points, axis=0)
+    chord = path.points[1:] - path.points[:-1]
     size = np.hypot(chord[:, 0], chord[:, 1])
     usable = path.is_arc & (size > 1e-9)
     safe = np.maximum(size, 1e-300)[:, None]
     middle = (path.points[:-1] + path.points[1:]) / 2
     along = chord / safe
-    slip = np.sum((path.centre - middle) * along, axis=1)
+    slip = _dot(path.centre - middle, along)
     centre = np.where(usable[:, None], path.centre - along * slip[:, None], path.centre)
     first, last = path.points[:-1] - centre, path.points[1:] - centre
-    turn = np.arctan2(
-        first[:, 0] * last[:, 1] - first[:, 1] * last[:, 0], np.sum(first * last, axis=1)
-    )
+    turn = np.arctan2(first[:, 0] * last[:, 1] - first[:, 1] * last[:, 0], _dot(first, last))
     whole = np.round((path.sweep - turn) / _FULL_TURN) * _FULL_TURN
     sweep = np.where(usable, turn + whole, path.sweep)
     return Path(path.points, centre, sweep)
@@ -360,21 +420,21 @@ def _merged(path: Path, angular: float = 1e-8, tolerance: float = 1e-7) -> Path:
     count = len(path)
     if count < 2:
         return path
-    chord = np.diff(path.points, axis=0)
+    chord = path.points[1:] - path.points[:-1]
     size = np.maximum(np.hypot(chord[:, 0], chord[:, 1]), 1e-300)
     unit = chord / size[:, None]
-    before = np.roll(unit, 1, axis=0)
+    before = _before(unit)
     bend = np.abs(unit[:, 0] * before[:, 1] - unit[:, 1] * before[:, 0])
-    ahead = np.sum(unit * before, axis=1) > 0
-    arc, arc_before = path.is_arc, np.roll(path.is_arc, 1)
-    same_line = ~arc & ~arc_before & ahead & (bend <= angular)
-    gap = path.centre - np.roll(path.centre, 1, axis=0)
-    same_circle = arc & arc_before & (np.sign(path.sweep) == np.sign(np.roll(path.sweep, 1)))
-    same_circle &= np.nan_to_num(np.hypot(gap[:, 0], gap[:, 1]), nan=np.inf) <= tolerance
-    same_circle &= (
-        np.abs(np.where(arc, path.radius, 0) - np.where(arc_before, np.roll(path.radius, 1), 0))
-        <= tolerance
-    )
+    arc, arc_before = path.is_arc, _before(path.is_arc)
+    same_line = ~arc & ~arc_before & (_dot(unit, before) > 0) & (bend <= angular)
+    same_circle = arc & arc_before
+    if same_circle.any():
+        side = np.sign(path.sweep)
+        same_circle &= side == _before(side)
+        gap = path.centre - _before(path.centre)
+        same_circle &= np.nan_to_num(np.hypot(gap[:, 0], gap[:, 1]), nan=np.inf) <= tolerance
+        radius = np.where(arc, path.radius, 0.0)
+        same_circle &= np.abs(radius - _before(radius)) <= tolerance
     starts = np.flatnonzero(~(same_line | same_circle))
     if len(starts) == count:
         return path

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from grassfire.medial import MedialAxis
 from grassfire.medial.parts import AxisGraph
-from grassfire.plan.link import Holding
+from grassfire.plan.link import Holding, straight
 from grassfire.plan.path import BoolArray, IntArray, Path
 from grassfire.toolpath import FloatArray
 
@@ -23,6 +23,9 @@ STOCK = 4.0
 
 SEEN = 12
 """Places of the map that a way looks for from its ends."""
+
+MIDDLES = 40
+"""Places that are compared, about, for being in the middle."""
 
 SLACK = 1e-6
 """Rounding of clearances, mm."""
@@ -58,16 +61,21 @@ class Passage:
 
 def polyline(points: Sequence[FloatArray] | FloatArray) -> Path | None:
     """Straight pieces through points, repeated ones and those on straight ways left out."""
+    if len(points) == 2:
+        return straight(points[0], points[1])
     table = np.asarray(points, dtype=np.float64)
-    step = np.diff(table, axis=0)
+    step = table[1:] - table[:-1]
     table = np.concatenate([table[:1], table[1:][np.hypot(step[:, 0], step[:, 1]) > 1e-9]])
     if len(table) < 2:
         return None
-    unit = np.diff(table, axis=0)
+    unit = table[1:] - table[:-1]
     unit /= np.hypot(unit[:, 0], unit[:, 1])[:, None]
-    bend = np.abs(unit[:-1, 0] * unit[1:, 1] - unit[:-1, 1] * unit[1:, 0])
-    ahead = np.sum(unit[:-1] * unit[1:], axis=1) > 0
-    table = table[np.concatenate([[True], ~((bend <= 1e-9) & ahead), [True]])]
+    (one_x, one_y), (two_x, two_y) = unit[:-1].T, unit[1:].T
+    bend = np.abs(one_x * two_y - one_y * two_x)
+    ahead = one_x * two_x + one_y * two_y > 0
+    kept = np.ones(len(table), dtype=bool)
+    kept[1:-1] = ~((bend <= 1e-9) & ahead)
+    table = table[kept]
     count = len(table) - 1
     return Path(table, np.full((count, 2), np.nan), np.zeros(count))
 
@@ -137,6 +145,7 @@ class RoadMap:
         self._first, self._second = ends[0][keep], ends[1][keep]
         self._length = np.maximum(length[keep], 1e-9)
         self._travelled = np.zeros(len(self._first), dtype=bool)
+        self._known_parts: dict[float, tuple[BoolArray, IntArray]] = {}
         self._tree = cKDTree(self.points)
         self.cleared = np.full(len(self.radius), np.inf)
 
@@ -148,20 +157,45 @@ class RoadMap:
 
     def component(self, distance: float, inside: FloatArray) -> BoolArray:
         """(n,) which places have a clearance of `distance` or more and are joined to `inside`."""
-        wide = self.radius >= distance
-        # along a link between places of clearance r and s, l apart, it is at least (r + s - l) / 2
-        both = wide[self._first] & wide[self._second]
-        total = len(self.radius)
-        matrix = coo_matrix(
-            (np.ones(np.count_nonzero(both)), (self._first[both], self._second[both])),
-            shape=(total, total),
-        )
-        label = connected_components(matrix, directed=False)[1]
-        near = np.flatnonzero(wide)
+        wide, label = self._parts(distance)
+        near = wide.nonzero()[0]
         if not len(near):
             return wide
         gap = self.points[near] - inside
         return np.asarray(wide & (label == label[near[np.argmin(np.hypot(gap[:, 0], gap[:, 1]))]]))
+
+    def _parts(self, distance: float) -> tuple[BoolArray, IntArray]:
+        """(n,) which places have a clearance of `distance` or more, and which are joined."""
+        if distance not in self._known_parts:
+            wide = self.radius >= distance
+            # along a link of length l between places of clearance r and s, it is at least
+            # (r + s - l) / 2
+            both = wide[self._first] & wide[self._second]
+            total = len(self.radius)
+            matrix = coo_matrix(
+                (np.ones(np.count_nonzero(both)), (self._first[both], self._second[both])),
+                shape=(total, total),
+            )
+            label = connected_components(matrix, directed=False)[1]
+            self._known_parts[distance] = wide, label
+        return self._known_parts[distance]
+
+    def middle(self, inside: BoolArray, wide: BoolArray) -> tuple[int, float]:
+        """Of the `wide` places the one from which the farthest wall `inside` is nearest; how far.
+
+        Ways lead along links between places that are `inside`, then straight to the wall, mm.
+        """
+        rows = np.flatnonzero(wide & inside)
+        # even a few of many neighbours tell the middle well
+        rows = rows[:: max(1, len(rows) // MIDDLES)]
+        both = inside[self._first] & inside[self._second]
+        total = len(self.radius)
+        ends = (self._first[both], self._second[both])
+        matrix = coo_matrix((self._length[both], ends), shape=(total, total)).tocsr()
+        distance = dijkstra(matrix, directed=False, indices=rows)
+        far = np.max(distance[:, inside] + self.radius[inside], axis=1)
+        best = int(np.argmin(far))
+        return int(rows[best]), float(far[best])
 
     def clear(self, places: BoolArray, distance: float) -> None:
         """Note that a component is cleared whose rings are `distance` from the wall."""
@@ -275,9 +309,12 @@ class RoadMap:
 
     def _near(self, point: FloatArray, allowed: BoolArray) -> IntArray:
         """Places near a point, the nearest first."""
-        rows = np.flatnonzero(allowed)
+        rows = allowed.nonzero()[0]
         gap = self.points[rows] - point
         away = np.hypot(gap[:, 0], gap[:, 1])
+        if len(rows) > SEEN:
+            close = (away <= np.partition(away, SEEN - 1)[SEEN - 1]).nonzero()[0]
+            rows, away = rows[close], away[close]
         return np.asarray(rows[np.argsort(away, kind="stable")[:SEEN]])
 
     def _seen(
@@ -293,11 +330,11 @@ class RoadMap:
         return np.asarray(near[inside.holds(starts, self.points[near], certain=known)])
 
     @cached_property
-    def _template(self) -> tuple[IntArray, IntArray, IntArray, IntArray]:
-        """Rows of all places for the search of ways: ends of rows, columns, links, own slots.
+    def _template(self) -> tuple[csr_matrix, IntArray, IntArray]:
+        """Matrix for the search of ways, the link behind each of its values, the goal's slots.
 
         Each place has its neighbours, and in its last slot the goal, which is numbered behind the
-        start, and both behind the places.
+        start, and both behind the places. The start has `SEEN` slots.
         """
         total, count = len(self.radius), len(self._first)
         links = np.arange(count)
@@ -306,7 +343,16 @@ class RoadMap:
         link = np.concatenate([links, links, np.full(total, count)])
         order = np.lexsort((column, row))
         ends = np.cumsum(np.bincount(row, minlength=total))
-        return ends, column[order], link[order], ends - 1
+        size = len(column) + SEEN
+        matrix = csr_matrix(
+            (
+                np.full(size, np.inf),
+                np.concatenate([column[order], np.full(SEEN, total)]),
+                np.concatenate([[0], ends, [size, size]]),
+            ),
+            shape=(total + 2, total + 2),
+        )
+        return matrix, link[order], ends - 1
 
     def _shortest(
         self,
@@ -322,19 +368,14 @@ class RoadMap:
             return None
         total = len(self.radius)
         usable = allowed[self._first] & allowed[self._second]
-        ends, column, link, slot = self._template
+        matrix, link, slot = self._template
         value = np.append(np.where(usable, np.maximum(weight, 1e-9), np.inf), np.inf)[link]
         value[slot[heads]] = np.maximum(np.hypot(*(self.points[heads] - end).T), 1e-9)
-        lead = np.maximum(np.hypot(*(self.points[tails] - start).T), 1e-9)
-        size = len(column) + len(tails)
-        matrix = csr_matrix(
-            (
-                np.concatenate([value, lead]),
-                np.concatenate([column, tails]),
-                np.concatenate([[0], ends, [size, size]]),
-            ),
-            shape=(total + 2, total + 2),
-        )
+        matrix.data[: len(link)] = value
+        matrix.data[len(link) :] = np.inf
+        lead = slice(len(link), len(link) + len(tails))
+        matrix.data[lead] = np.maximum(np.hypot(*(self.points[tails] - start).T), 1e-9)
+        matrix.indices[lead] = tails
         distance, previous = dijkstra(matrix, indices=total, return_predecessors=True)
         if not np.isfinite(distance[total + 1]):
             return None
@@ -356,9 +397,9 @@ def _pulled(chain: FloatArray, inside: Holding, closed: bool) -> tuple[Path | No
     here, last = 0, len(chain) - 1
     while here < last:
         # the next point, those twice as far each, and the last
-        ahead = here + 2 ** np.arange(int(np.log2(last - here)) + 1)
-        ahead = np.unique(np.append(ahead, last))
-        starts = np.repeat(chain[here][None], len(ahead), axis=0)
+        steps = [2**power for power in range((last - here).bit_length())]
+        ahead = here + np.array([*(step for step in steps if step < last - here), last - here])
+        starts = np.repeat(chain[here : here + 1], len(ahead), axis=0)
         # all but the ends of the chain are places on the map
         certain = (ahead < last) | (here > 0) | (not closed)
         held = np.flatnonzero(inside.holds(starts, chain[ahead], certain=certain))

@@ -10,7 +10,7 @@ import numpy as np
 
 from grassfire.plan.feeds import Feeds
 from grassfire.plan.path import Path, segment
-from grassfire.toolpath import FloatArray, Role, ToolpathBuilder
+from grassfire.toolpath import FloatArray, MoveKind, Role, ToolpathBuilder
 
 RETRACT = 1.0
 """What a retract costs besides its length, s: two stops more, and a mark on the floor."""
@@ -21,6 +21,8 @@ LIFT_SLOPE = 0.25
 
 SHORTEST_RUN = 0.01
 """Shorter pieces of lifted links are left out, mm."""
+
+_LINE, _ARC_CW, _ARC_CCW = int(MoveKind.LINE), int(MoveKind.ARC_CW), int(MoveKind.ARC_CCW)
 
 
 class StrokeKind(Enum):
@@ -101,6 +103,7 @@ class Emitter:
         self.builder = builder
         self.levels = levels
         self.feeds = feeds
+        self._known: dict[int, tuple[Stroke, FloatArray]] = {}
 
     @property
     def place(self) -> FloatArray:
@@ -123,17 +126,18 @@ class Emitter:
 
     def follow(self, path: Path, role: Role, start: float, stop: float, feed: FloatArray) -> None:
         """Travel a path while z goes evenly with the length from `start` to `stop`."""
-        z = start + (stop - start) * path.cumulative / max(path.length, 1e-300)
-        z[-1] = stop
-        points, centre, sweep = path.points.tolist(), path.centre.tolist(), path.sweep.tolist()
-        heights, speeds = z.tolist(), feed.tolist()
-        for index, turn in enumerate(sweep):
-            x, y = points[index + 1]
-            if turn == 0.0:
-                self.builder.line(x, y, heights[index + 1], speeds[index], role)
-            else:
-                middle = (centre[index][0], centre[index][1])
-                self.builder.arc(x, y, heights[index + 1], middle, turn > 0, speeds[index], role)
+        ends, centres, sweeps = path.rows
+        if start == stop:
+            places = [(x, y, stop) for x, y in ends]
+        else:
+            z = start + (stop - start) * path.cumulative / max(path.length, 1e-300)
+            z[-1] = stop
+            heights = z[1:].tolist()
+            places = [(x, y, height) for (x, y), height in zip(ends, heights, strict=True)]
+        kinds = [
+            _LINE if sweep == 0.0 else _ARC_CCW if sweep > 0.0 else _ARC_CW for sweep in sweeps
+        ]
+        self.builder.extend(kinds, places, centres, feed.tolist(), role)
 
     def descend(self, stroke: Stroke, previous_floor: float, floor: float, stay: bool) -> None:
         """Reach the start of a descent and sink to the floor."""
@@ -177,13 +181,22 @@ class Emitter:
             self.lower(min(floor + self.levels.above_floor, self.levels.retract))
             self.builder.line(start[0], start[1], floor, self.feeds.plunge, Role.LINK)
         else:
-            feed = self.feeds.along(stroke.path, stroke.role, stroke.wall, stroke.steady)
-            if stroke.role is Role.LINK and not stroke.air:
-                feed = np.minimum(feed, self.feeds.cut)
+            feed = self._speeds(stroke)
             if stroke.role is Role.LINK and stroke.air and self.levels.lift > 0:
                 self._lifted(stroke.path, floor, feed)
             else:
                 self.follow(stroke.path, stroke.role, floor, floor, feed)
+
+    def _speeds(self, stroke: Stroke) -> FloatArray:
+        """(n,) feed of each piece of a stroke at the floor, the same at every depth, mm/min."""
+        known = self._known.get(id(stroke))
+        if known is not None and known[0] is stroke:
+            return known[1]
+        feed = self.feeds.along(stroke.path, stroke.role, stroke.wall, stroke.steady)
+        if stroke.role is Role.LINK and not stroke.air:
+            feed = np.minimum(feed, self.feeds.cut)
+        self._known[id(stroke)] = stroke, feed
+        return feed
 
     def _lifted(self, path: Path, floor: float, feed: FloatArray) -> None:
         """A link that rises over its first stretch and sinks over its last one.
