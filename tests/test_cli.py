@@ -182,6 +182,32 @@ def test_bad_input_is_one_line_and_no_file(square: Path, tmp_path: Path, invoke:
         assert not out.exists()
 
 
+def test_an_unknown_post_names_the_job(square: Path, invoke: Invoke) -> None:
+    square.write_text('post = "linux"\n' + square.read_text())
+    code, _, err = invoke("run", square)
+    assert code == 2
+    assert one_line(err).startswith(f"{square}: unknown post 'linux'")
+
+
+def test_a_drawing_for_a_job_and_a_job_for_a_drawing(square: Path, invoke: Invoke) -> None:
+    drawing = square.with_suffix(".dxf")
+    code, _, err = invoke("run", drawing)
+    assert code == 2
+    assert one_line(err).endswith("; a drawing is no job: grassfire init makes one from it\n")
+    code, _, err = invoke("inspect", square)
+    assert code == 2
+    assert one_line(err).endswith("; give the drawing that this job names\n")
+
+
+def test_rows_of_tables_keep_to_one_line(square: Path, invoke: Invoke) -> None:
+    code, out, _ = invoke("inspect", square.with_suffix(".dxf"))
+    assert code == 0
+    assert "1 region, 400.00 mm2" in out
+    rows = [line for line in out.splitlines() if "20.000 at (10.00, 10.00)" in line]
+    assert len(rows) == 1
+    assert all(len(line) <= 80 for line in out.splitlines()[1:])
+
+
 def test_a_tool_that_fits_nowhere_names_one_that_does(square: Path, invoke: Invoke) -> None:
     edit(square, "diameter = 6", "diameter = 30")
     code, _, stderr = invoke("run", square)
@@ -341,6 +367,18 @@ def test_init_makes_a_job_that_runs(
     assert code == 2
     assert "exists already" in one_line(stderr)
     assert invoke("run", "square.toml", "--out", "out")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [("plate.toml", "plate"), ("(2) a+b @x.toml", "_2_ a+b _x"), ("+.toml", "job")],
+)
+def test_a_starter_job_is_called_like_its_file(
+    file: str, name: str, square: Path, invoke: Invoke
+) -> None:
+    job = square.with_name(file)
+    assert invoke("init", square.with_suffix(".dxf"), "--out", job)[0] == 0
+    assert grassfire.load_job(job).name == name
 
 
 def test_schema_is_json(invoke: Invoke) -> None:

@@ -826,7 +826,7 @@ def test_rubbish_is_one_clear_error(tmp_path: Path, content: bytes) -> None:
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.2, 0.3, 0.6, 0.9])
 def test_truncated_file_is_recovered_or_refused(tmp_path: Path, share: float) -> None:
     document = ezdxf.new("R2010")
     document.header["$INSUNITS"] = 4

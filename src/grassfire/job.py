@@ -472,7 +472,12 @@ def parse_job(text: str, path: Path) -> Job:
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}", source=str(path)) from error
+        remedy = "a drawing is no job: grassfire init makes one from it"
+        raise InputError(
+            f"not valid TOML: {error}",
+            source=str(path),
+            remedy=remedy if path.suffix.lower() == ".dxf" else None,
+        ) from error
     data.setdefault("name", path.stem)
     units = data.get("units", "mm")
     if not isinstance(units, str) or units not in UNITS:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final, Literal
 
-from grassfire.errors import GeometryError, PlanningError
+from grassfire.errors import GeometryError, InputError, PlanningError
 from grassfire.tolerance import ANGULAR, MEDIAL
 
 if TYPE_CHECKING:
@@ -253,10 +253,14 @@ def choose_post(job: Job, units: Literal["mm", "inch"] | None = None) -> Post | 
     InputError
         If there is no such post, or it is a class that offers no choice of units.
     """
-    from grassfire.errors import InputError
     from grassfire.post import Post, load_post
 
-    post = load_post(job.post, base_dir=job.directory)
+    try:
+        post = load_post(job.post, base_dir=job.directory)
+    except InputError as error:
+        if error.source is not None or job.path is None:
+            raise
+        raise InputError(error.message, source=str(job.path), remedy=error.remedy) from error
     if units is None:
         return post
     if not isinstance(post, Post):

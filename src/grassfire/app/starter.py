@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -45,7 +46,7 @@ feed = 800                    # CHECK: speeds and feeds depend on the material
 plunge_feed = 200
 
 [[operations]]
-strategy = "offset"
+strategy = "offset"           # or "spiral", "adaptive"
 tool = 1
 depth = 2.0                   # CHECK: below the top of the stock
 stepdown = {stepdown}
@@ -70,14 +71,22 @@ def _diameter(found: dict[str, object]) -> tuple[float, str]:
     return size, f"reaches {100 * shares[size]:.1f} % of the area"
 
 
+def _job_name(text: str) -> str:
+    """Of a file's name, what the name of a job may hold."""
+    return re.sub(r"[^\w .+-]", "_", text).lstrip(" .+-")[:100] or "job"
+
+
 def starter_job(
     drawing: str | Path,
     folder: str | Path,
     layers: Sequence[str] = (),
     units: str | None = None,
     progress: Progress | None = None,
+    name: str | None = None,
 ) -> str:
     """Text of a job file for `drawing`, to be written into `folder`.
+
+    The job is called `name`, or else like the drawing; so are the files that it makes.
 
     Raises
     ------
@@ -95,7 +104,7 @@ def starter_job(
     return _TEMPLATE.format(
         count=f"{count} pocket{'s' if count != 1 else ''}",
         file=drawing.name,
-        name=json.dumps(drawing.stem),
+        name=json.dumps(_job_name(name or drawing.stem)),
         path=json.dumps(Path(os.path.relpath(drawing, folder)).as_posix()),
         layers=json.dumps(list(layers or found["layers"])),
         units=units_line,

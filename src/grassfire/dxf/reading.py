@@ -138,7 +138,11 @@ def resolve_units(
             what = "the drawing is unitless ($INSUNITS = 0)"
         else:
             what = f"the drawing's units are not usable ($INSUNITS = {code})"
-        raise InputError(what, source=source, remedy='give units, e.g. units = "mm"')
+        raise InputError(
+            what,
+            source=source,
+            remedy='give units: --units mm, or units = "mm" under [input] of the job',
+        )
     return header, UNIT_LENGTHS[header], "header", []
 
 
@@ -223,6 +227,7 @@ def load_document(path: Path, data: bytes) -> tuple[Document, list[Finding]]:
         AssertionError,
         OSError,
         EOFError,
+        StopIteration,
         struct.error,
     )
     try:
@@ -250,7 +255,11 @@ def load_document(path: Path, data: bytes) -> tuple[Document, list[Finding]]:
     raise InputError(
         f"not a readable DXF drawing ({reason})",
         source=str(path),
-        remedy="export it again, as DXF R2000 or newer",
+        remedy=(
+            "give the drawing that this job names"
+            if path.suffix.lower() == ".toml"
+            else "export it again, as DXF R2000 or newer"
+        ),
     )
 
 
