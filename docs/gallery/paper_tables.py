@@ -124,7 +124,7 @@ R. Dorado, *Medial axis of a planar region by offset self-intersections*, Comput
 its method on the regions of Figs. 7 to 14. Here are regions of the same kinds, each with its axis,
 what was counted and how exact it is. The outlines are drawn anew (`paper_shapes.py`): the paper
 does not give its control points, so figures beside each other compare kinds of shape, not the same
-shape.
+shape. What the strategies make of pockets is shown in [Gallery: strategies](strategies.md).
 
     python docs/gallery/paper.py                      # all figures and this page
     python docs/gallery/paper.py --only fig14c-leaf   # one figure

@@ -17,7 +17,7 @@ from paper_shapes import polar
 
 from grassfire import medial_axis
 from grassfire.geometry import Arc, EllipticalArc, Line, Loop, Region, flatten
-from grassfire.job import Job, parse_job
+from grassfire.job import InputSettings, Job, Operation, Tool
 from grassfire.plan import plan_operation
 from grassfire.toolpath import Program, Role, Section, Toolpath
 from grassfire.verify import OperationResult, Target, verify
@@ -30,24 +30,6 @@ RADIUS = 3.0
 WIDTH, MARGIN, LEGEND = 760.0, 14.0, 26.0
 """Width of a picture, margin round the pocket, height of the legend, pixels."""
 
-JOB = """
-name = "gallery"
-[input]
-file = "pocket.dxf"
-[[tools]]
-number = 1
-diameter = 6.0
-spindle_speed = 18000
-feed = 1200
-plunge_feed = 400
-[[operations]]
-strategy = "{strategy}"
-tool = 1
-depth = 3.0
-stepover = 0.4
-link_feed = 3000
-"""
-
 STYLE = {
     Role.RAPID: ("up and across", "#d62728", 'stroke-width="1.2" stroke-dasharray="5 4"'),
     Role.ENTRY: ("descent", "#2a9d3a", 'stroke-width="1.6"'),
@@ -58,13 +40,6 @@ STYLE = {
 }
 
 
-def polygon(*points: Sequence[float]) -> Loop:
-    """Straight sides between corners (x, y), mm."""
-    corners = [np.asarray(point, dtype=np.float64) for point in points]
-    sides = zip(corners, corners[1:] + corners[:1], strict=True)
-    return Loop(tuple(Line(start, end) for start, end in sides))
-
-
 def disk(x: float, y: float, radius: float) -> Loop:
     """A full circle, mm."""
     return Loop((Arc((x, y), radius, 0.0, 2 * np.pi),))
@@ -72,7 +47,7 @@ def disk(x: float, y: float, radius: float) -> Loop:
 
 def rectangle() -> Region:
     """80 x 50 mm."""
-    return Region(polygon((0, 0), (80, 0), (80, 50), (0, 50)), ())
+    return Region(Loop.from_points([(0, 0), (80, 0), (80, 50), (0, 50)]), ())
 
 
 def ellipse() -> Region:
@@ -83,13 +58,13 @@ def ellipse() -> Region:
 def star() -> Region:
     """Five points with sharp tips and reflex corners."""
     degrees = 90.0 + 36.0 * np.arange(10)
-    return Region(polygon(*polar(np.tile([42.0, 20.0], 5), degrees)), ())
+    return Region(Loop.from_points(polar(np.tile([42.0, 20.0], 5), degrees)), ())
 
 
 def islands() -> Region:
     """Three islands, one of them square."""
-    square = polygon((52, 12), (64, 12), (64, 24), (52, 24))
-    outer = polygon((0, 0), (84, 0), (84, 54), (0, 54))
+    square = Loop.from_points([(52, 12), (64, 12), (64, 24), (52, 24)])
+    outer = Loop.from_points([(0, 0), (84, 0), (84, 54), (0, 54)])
     return Region(outer, (disk(22, 20, 7), disk(42, 39, 5), square))
 
 
@@ -107,13 +82,11 @@ def gear() -> Region:
 
 def corridor() -> Region:
     """A chamber, a bent corridor of 1.6 tool diameters with a dead end, and a second branch."""
-    return Region(
-        polygon(
-            (0, 0), (30, 0), (30, 10), (80, 10), (80, 46), (70.4, 46), (70.4, 19.6),
-            (54, 19.6), (54, 46), (44.4, 46), (44.4, 19.6), (30, 19.6), (30, 34), (0, 34),
-        ),
-        (),
-    )  # fmt: skip
+    corners = [
+        (0, 0), (30, 0), (30, 10), (80, 10), (80, 46), (70.4, 46), (70.4, 19.6),
+        (54, 19.6), (54, 46), (44.4, 46), (44.4, 19.6), (30, 19.6), (30, 34), (0, 34),
+    ]  # fmt: skip
+    return Region(Loop.from_points(corners), ())
 
 
 POCKETS: dict[str, Callable[[], Region]] = {
@@ -144,7 +117,10 @@ class Picture:
 
 def job_of(strategy: str) -> Job:
     """The job of all pictures: 6 mm tool, stepover 40 %, one pass 3 mm deep."""
-    return parse_job(JOB.format(strategy=strategy), Path("gallery.toml"))
+    tool = Tool(number=1, diameter=2 * RADIUS, spindle_speed=18000, feed=1200, plunge_feed=400)
+    operation = Operation(strategy=strategy, tool=1, depth=DEPTH, stepover=0.4, link_feed=3000)
+    drawing = InputSettings(file=Path("pocket.dxf"))
+    return Job(name="gallery", input=drawing, tools=(tool,), operations=(operation,))
 
 
 def planned(pocket: str, strategy: str) -> Picture:
