@@ -31,7 +31,7 @@ from grassfire.plan.fronts import (
 )
 from grassfire.plan.link import straight
 from grassfire.plan.offset import offset_pockets
-from grassfire.plan.path import Path
+from grassfire.plan.path import BoolArray, Path
 from grassfire.plan.pursuit import unit
 from grassfire.plan.returns import ROOM, Returns
 from grassfire.plan.rings import Component, components
@@ -44,7 +44,6 @@ from grassfire.plan.tracing import (
     Start,
     Tracer,
     direction,
-    start_of,
 )
 from grassfire.plan.wallpass import wall_pass
 from grassfire.plan.walls import Walls
@@ -60,6 +59,9 @@ MOST_LENGTH = 20.0
 MARGIN = 0.01
 """How far below the limit cuts are laid out, radians: for chords, fits and rounding."""
 
+WIDE = 0.95
+"""Room where clearing begins, as a part of the most there is."""
+
 LIGHT = 0.28
 """Part of a pass that the flat lap at the foot of the helix may take in depth."""
 
@@ -69,11 +71,20 @@ LAP = 0.5
 LANDINGS = 40
 """Cleared places that are tried for coming down near the start of a cut."""
 
-BESIDE = 4
+BESIDE = 8
 """Wall samples before and after what is left at a wall that are cut with it."""
 
 GRAZING = 0.1
 """How deep the way to a cut may bite in narrow places, as a part of the tool radius."""
+
+ALLOWANCE, CUSP = 0.02, 0.06
+"""Thickest stock left to the last lap round the wall, and thickest cusp, as parts of the radius."""
+
+FAR = 4.0
+"""Fronts further off than that many tool radii are taken after corners near the tool."""
+
+TAIL = 1000
+"""Most points at the end of a front that may be left."""
 
 LINK_TRIES = 3
 """Fronts that are tried before the tool is retracted."""
@@ -98,7 +109,7 @@ def adaptive_pockets(
         if part.peak_radius - settings.wall >= LEAST_HELIX * settings.tool_radius:
             pockets.append(AdaptivePocket(axis, part, settings))
         else:
-            findings.append(_slot(part))
+            findings.append(_slot(part.peak, part.peak_radius))
             slots.append(part)
     if slots:
         others, noticed = offset_pockets(axis, settings)
@@ -112,14 +123,14 @@ def adaptive_pockets(
     return pockets, findings
 
 
-def _slot(part: Component) -> Finding:
+def _slot(place: FloatArray, radius: float) -> Finding:
     return Finding(
         Severity.WARNING,
         "full-width",
         "a place hardly wider than the tool is cut in full width, past the engagement limit; a "
         "smaller tool keeps to it",
-        place=(float(part.peak[0]), float(part.peak[1])),
-        size=2 * part.peak_radius,
+        place=(float(place[0]), float(place[1])),
+        size=2 * radius,
     )
 
 
@@ -137,6 +148,8 @@ class AdaptivePocket:
     ----------
     peak : (2,) float array
     strokes, finish : list of Stroke
+    findings : list of Finding
+        What was noticed while planning.
     """
 
     def __init__(self, axis: MedialAxis, part: Component, settings: ClearingSettings) -> None:
@@ -155,28 +168,33 @@ class AdaptivePocket:
         self._length = 0.0
         self._starts: dict[int, tuple[FloatArray, Start]] = {}
         self.peak = part.peak
+        self.findings: list[Finding] = []
         self.strokes: list[Stroke] = []
         self.finish: list[Stroke] = []
 
     def plan(self, position: FloatArray) -> FloatArray:
         """Lay out all strokes; returns where the last one ends, mm."""
-        place, heading = self._enter()
         most = MOST_LENGTH * (self._axis.region.area / self._settings.stepover + self._radius)
-        while self._fronts:
-            place, heading = self._next(place, heading)
-            if self._length > most:
-                raise PlanningError(
-                    f"cuts of {self._length:.6g} mm have not cleared the pocket",
-                    place=(float(self.peak[0]), float(self.peak[1])),
-                    remedy="take strategy offset, and report the drawing",
-                )
+        entry_place: tuple[FloatArray, float] | None = self._middle()
+        while entry_place is not None:
+            place, heading = self._enter(*entry_place)
+            while self._fronts:
+                place, heading = self._next(place, heading)
+                if self._length > most:
+                    raise PlanningError(
+                        f"cuts of {self._length:.6g} mm have not cleared the pocket",
+                        place=(float(self.peak[0]), float(self.peak[1])),
+                        remedy="take strategy offset, and report the drawing",
+                    )
+            entry_place = self._beyond()
         settings = self._settings
-        corners = self._corners() if settings.finish else []
+        corners = self._corners(self._left) if settings.finish else []
         # each is worth its length and a way there; many of them are a lap
         cost = sum(self._walls.size(low, high) + 3 * self._radius for low, high in corners)
         lap = not settings.finish or cost > 0.6 * sum(ring.length for ring in self._part.rings)
         if not lap:
-            place = self._cut_corners(corners, place, heading)
+            place, heading, whole = self._cut_corners(corners, place, heading, True)
+            lap = not whole
         rings = [ring if settings.climb else ring.reversed() for ring in self._part.rings]
         last = wall_pass(self._axis, rings, settings, self._walls.frame(place[None])[0])
         if lap:
@@ -184,38 +202,96 @@ class AdaptivePocket:
         self.finish += last if settings.finish else []
         return np.asarray(last[-1].path.end)
 
-    def _corners(self) -> list[tuple[int, int]]:
-        """Stretches of the walls where more than cusps are left: first and last samples."""
-        if not self._left:
+    def _corners(self, pieces: list[FloatArray]) -> list[tuple[int, int]]:
+        """Stretches of the walls where more is left than the last lap takes over all depths.
+
+        First and last samples of each, for the given edges of what is left.
+        """
+        near = np.zeros(len(self._walls.points), dtype=bool)
+        for short, allowance in ((False, ALLOWANCE), (True, CUSP)):
+            left = [it for it in pieces if (length(it) <= SHORTEST * self._radius) == short]
+            if left:
+                bound = self._radius * (1 - allowance)
+                tree = cKDTree(np.concatenate(left))
+                near |= np.isfinite(tree.query(self._walls.points, distance_upper_bound=bound)[0])
+        if not near.any():
             return []
-        left = cKDTree(np.concatenate(self._left))
-        least = self._radius * (1 - ROOM)
-        near = np.isfinite(left.query(self._walls.points, distance_upper_bound=least)[0])
         return self._walls.stretches(near, BESIDE)
 
     def _cut_corners(
-        self, corners: list[tuple[int, int]], place: FloatArray, heading: float
-    ) -> FloatArray:
-        """Cut along stretches of the walls; returns where the tool is."""
+        self, corners: list[tuple[int, int]], place: FloatArray, heading: float, hop: bool
+    ) -> tuple[FloatArray, float, bool]:
+        """Cut along stretches of the walls; returns place and heading, and if all were reached.
+
+        `hop` says whether those that no way leads to are come down on.
+        """
+        whole = True
         for low, high in corners:
             start = Start(low, self._walls.points[low], float(self._walls.heading[low]))
             link = self._returns.way(place, heading, start, True)
             if link is not None:
                 self._stroke(StrokeKind.FEED, link, Role.LINK, air=True)
             elif np.hypot(*(place - start.point)) > 1e-9:
-                if self._landing(place, start) is not start.point:
+                landing = self._landing(place, start) if hop else None
+                if landing is None:
+                    whole = False
                     continue
-                self._stroke(StrokeKind.HOP, entry.plunge(start.point), Role.LINK)
+                self._land(place, landing, start)
             path = self._walls.slice(low, high)
             if path is not None:
                 self._stroke(StrokeKind.FEED, path, Role.CUT)
                 place, heading = path.end, float(self._walls.heading[high])
-        return place
+                self._swept(path.sample(self._step)[0])
+                self._returns.update(self._fronts, self._left)
+        return place, heading, whole
 
-    def _enter(self) -> tuple[FloatArray, float]:
-        """Helix in the largest disk, then the opening spiral; returns place and heading."""
-        centre = self._walls.frame(self.peak[None])[0]
-        room = self._part.peak_radius - self._settings.wall
+    def _tidied(self, place: FloatArray, heading: float) -> tuple[FloatArray, float]:
+        """Corners near the tool, before it leaves for fronts far off; returns place and heading."""
+        if not self._settings.finish:
+            return place, heading
+        near = 3 * self._radius
+        pieces = [it for it in self._left if np.hypot(*(it - place).T).min() <= near]
+        if not pieces:
+            return place, heading
+        stock = cKDTree(np.concatenate(self._fronts))
+        alone = []
+        for low, high in self._corners(pieces):
+            stretch = self._walls.ahead(low, self._walls.steps(low, high) + 1)
+            gap = stock.query(self._walls.points[stretch])[0]
+            if gap.min() > self._radius:
+                alone.append((low, high))
+        place, heading, _ = self._cut_corners(alone, place, heading, False)
+        return place, heading
+
+    def _swept(self, centres: FloatArray) -> None:
+        """Take note of what a way of the tool has cleared, in what is left as well."""
+        tree = cKDTree(centres)
+        bound, gap = self._radius * (1 - GRAZE), 4 * self._step
+        self._cleared.add(centres)
+        self._left = [part for piece in self._left for part in _outside(piece, tree, bound, gap)]
+
+    def _beyond(self) -> tuple[FloatArray, float] | None:
+        """Where to enter again, and the room there: behind necks too narrow for a cut at the limit.
+
+        None where no helix fits into what is left; the wall pass cuts that in full width.
+        """
+        road, wall = self._returns.map, self._settings.wall
+        room = np.where(road.component(wall, self.peak), road.radius - wall, -np.inf)
+        reach = self._radius * (1 + GRAZE)
+        rows = np.flatnonzero(room > -np.inf)
+        gap = self._cleared.distance(self._walls.frame(road.points[rows]), reach)
+        stock = rows[np.isinf(gap)]
+        if not len(stock):
+            return None
+        widest = int(stock[np.argmax(room[stock])])
+        if room[widest] < LEAST_HELIX * self._radius:
+            self.findings.append(_slot(road.points[widest], float(road.radius[widest])))
+            return None
+        return road.points[widest], float(room[widest])
+
+    def _enter(self, place: FloatArray, room: float) -> tuple[FloatArray, float]:
+        """Helix about a place, then the opening spiral; returns place and heading."""
+        centre = self._walls.frame(place[None])[0]
         helix = self._helix_radius()
         if room < helix + LAP * self._radius:
             # no whole lap fits round it: out to the walls at once, which break the front
@@ -234,16 +310,35 @@ class AdaptivePocket:
             turn = int(np.argmin(stock))
             chain, stock = np.roll(front[:-1], -turn, axis=0), np.roll(stock[:-1], -turn)
             self._fronts = runs(chain, stock, 4 * self._step)
-            self._returns.update(self._fronts)
+            self._returns.update(self._fronts, self._left)
             return start, float(np.arctan2(outwards[1], outwards[0]) + np.pi / 2)
-        pieces = self._tracer.spiral(front)
-        if not pieces:
+        pieces = self._tracer.spiral(front, self._tail)
+        path = self._tracer.path(pieces)
+        if path is None:
             raise PlanningError(
                 "no cut fits round the helix",
                 place=(float(self.peak[0]), float(self.peak[1])),
                 remedy="take a smaller tool or strategy offset",
             )
-        return self._take(pieces, [front], start)
+        return self._take(path, pieces, [front], start)
+
+    def _middle(self) -> tuple[FloatArray, float]:
+        """Where clearing begins, and the room there: the most there is, if it pays amid the pocket.
+
+        In the middle of a wide pocket the stock falls into two parts whose cuts follow each other
+        with short ways between, until these are as long as going back: that saves room squared
+        over stepover. In narrow ones it costs a way from one part to the other.
+        """
+        road, wall = self._returns.map, self._settings.wall
+        most = self._part.peak_radius - wall
+        inside = road.component(wall, self.peak)
+        wide = inside & (road.radius - wall >= WIDE * most)
+        if wide.any():
+            place, far = road.middle(inside, wide)
+            room = float(road.radius[place]) - wall
+            if room**2 > far * self._settings.stepover:
+                return road.points[place], room
+        return self.peak, most
 
     def _helix_radius(self) -> float:
         """Largest that leaves no core and whose turns sink so little that the last lap is light."""
@@ -255,11 +350,15 @@ class AdaptivePocket:
         """Cut along the front that is best reached; returns place and heading at its end."""
         starts = [self._start(front) for front in self._fronts]
         gaps = [float(np.hypot(*(start.point - place))) for start in starts]
+        if min(gaps) > FAR * self._radius:
+            place, heading = self._tidied(place, heading)
+            gaps = [float(np.hypot(*(start.point - place))) for start in starts]
         index, link = self._best(place, heading, starts, gaps)
         front, start = self._fronts[index], starts[index]
         remaining = self._fronts[:index] + self._fronts[index + 1 :]
         pieces = self._tracer.cut(front, start, remaining)
-        if sum(len(piece.points) for piece in pieces) < 2:
+        path = self._tracer.path(pieces)
+        if path is None:
             # nothing to cut that a sample tells from nothing: the wall pass takes it
             self._left.append(self._fronts.pop(index))
             return place, heading
@@ -272,14 +371,8 @@ class AdaptivePocket:
                 # stock on all sides: what is there can only be cut in full width
                 self._left.append(self._fronts.pop(index))
                 return place, heading
-            if not np.array_equal(place, landing):
-                place = landing
-                self._stroke(StrokeKind.HOP, entry.plunge(place), Role.LINK)
-            link = straight(place, start.point)
-            if link is not None:
-                self._stroke(StrokeKind.FEED, link, Role.CUT)
-                place = link.end
-        return self._take(pieces, [front, *remaining], place)
+            place = self._land(place, landing, start)
+        return self._take(path, pieces, [front, *remaining], place)
 
     def _landing(self, place: FloatArray, start: Start) -> FloatArray | None:
         """Where the tool is or can come down, with a straight way to the start of a cut.
@@ -287,10 +380,10 @@ class AdaptivePocket:
         In narrow places the way may graze stock, at a small part of the engagement allowed.
         """
         # only where the tool has been is certain to be cleared
-        been = self._cleared.distance(start.point[None], GRAZING * self._radius)[0]
-        if np.isfinite(been) and self._returns.free(start.point[None])[0]:
-            return start.point
         near = self._cleared.nearest(start.point, LANDINGS)
+        at_start = np.hypot(*(near[0] - start.point)) <= GRAZING * self._radius
+        if at_start and self._returns.free(start.point[None])[0]:
+            return np.asarray(near[0])
         centres = np.concatenate([place[None], near])
         ends = np.repeat(start.point[None], len(centres), axis=0)
         for bite in (ROOM, GRAZING):
@@ -300,6 +393,15 @@ class AdaptivePocket:
             if free.any():
                 return np.asarray(centres[int(np.argmax(free))])
         return None
+
+    def _land(self, place: FloatArray, landing: FloatArray, start: Start) -> FloatArray:
+        """Come down where the tool can, if it is not there, and cut to the start of a cut."""
+        if not np.array_equal(place, landing):
+            self._stroke(StrokeKind.HOP, entry.plunge(landing), Role.LINK)
+        link = straight(landing, start.point)
+        if link is not None:
+            self._stroke(StrokeKind.FEED, link, Role.CUT)
+        return start.point
 
     def _best(
         self, place: FloatArray, heading: float, starts: list[Start], gaps: list[float]
@@ -318,7 +420,7 @@ class AdaptivePocket:
     def _start(self, front: FloatArray) -> Start:
         known = self._starts.get(id(front))
         if known is None or known[0] is not front:
-            known = (front, start_of(front, self._walls, self._settings.wall, self._radius))
+            known = (front, self._tracer.start(front, self._settings.wall, self._returns.free))
             self._starts[id(front)] = known
         return known[1]
 
@@ -327,10 +429,9 @@ class AdaptivePocket:
         self.strokes.append(Stroke(kind, self._walls.path(path), role, air, steady=steady))
 
     def _take(
-        self, pieces: list[Piece], fronts: list[FloatArray], place: FloatArray
+        self, path: Path, pieces: list[Piece], fronts: list[FloatArray], place: FloatArray
     ) -> tuple[FloatArray, float]:
         """Write a cut and bring cleared area and fronts up to date; the first front was cut."""
-        path = self._tracer.path(pieces)
         self._length += path.length
         way = straight(place, path.start)
         if way is not None:
@@ -342,31 +443,51 @@ class AdaptivePocket:
         swept = densified(centres, self._step)
         tree = cKDTree(swept)
         new = self._new_fronts(centres, room, tree)
-        low, high = swept.min(axis=0) - self._radius, swept.max(axis=0) + self._radius
+        bound, gap = self._radius * (1 - GRAZE), 4 * self._step
         kept: list[FloatArray] = []
         for number, front in enumerate(fronts):
-            if number > 0 and not _overlap(front, low, high):
-                kept.append(front)
-                continue
-            gone = tree.query(front, distance_upper_bound=self._radius * (1 - GRAZE))[0]
-            left = np.isinf(gone)
-            if not left.all():
-                kept += runs(front, left, 4 * self._step)
-            elif number > 0:
-                # a front that its own cut leaves as it is has no stock behind it
-                kept.append(front)
+            parts = _outside(front, tree, bound, gap)
+            # a front that its own cut leaves as it is has no stock behind it
+            kept += parts if number > 0 or len(parts) != 1 or parts[0] is not front else []
         self._cleared.add(swept)
         whole: list[FloatArray] = []
         short: list[FloatArray] = []
         for front in kept + new:
             long = len(front) > 2 and length(front) > SHORTEST * self._radius
-            (whole if long else short).append(front)
+            (whole if long and not self._thin(front) else short).append(front)
+        self._left = [part for piece in self._left for part in _outside(piece, tree, bound, gap)]
         self._left += short
         self._fronts = joined(whole, self._radius, self._step, self._walls.clearance)
-        self._returns.update(self._fronts)
+        self._returns.update(self._fronts, self._left)
         known = {id(front) for front in self._fronts}
         self._starts = {key: value for key, value in self._starts.items() if key in known}
         return centres[-1], float(headings[-1])
+
+    def _thin(self, front: FloatArray) -> bool:
+        """Whether what is behind a front can be left to the last lap round the wall."""
+        # a few places tell nearly always
+        few = front[:: max(1, len(front) // 8)]
+        return bool(self._spared(few, ALLOWANCE).all() and self._spared(front, ALLOWANCE).all())
+
+    def _tail(self, front: FloatArray) -> int:
+        """How many last points of a front are so near to the wall that the last lap takes them."""
+        tail = front[-TAIL:]
+        # a little less: the end of a cut leaves up to a sample more
+        spared = self._spared(tail, 0.9 * ALLOWANCE)
+        return len(tail) if spared.all() else int(np.argmin(spared[::-1]))
+
+    def _spared(self, places: FloatArray, allowance: float) -> BoolArray:
+        """Where the edge of the stock is so near to the wall that the last lap takes what is left.
+
+        There the tool at the wall reaches the edge, and is not far into the stock.
+        """
+        least, most = self._radius * (1 - allowance), self._radius * (1 + allowance)
+        gap = self._walls.distance(places)
+        near = (gap >= least) & (gap <= most)
+        rows = np.flatnonzero(near)
+        if len(rows):
+            near[rows] = self._walls.clearance(places[rows]) <= most
+        return np.asarray(near)
 
     def _new_fronts(self, centres: FloatArray, room: FloatArray, own: cKDTree) -> list[FloatArray]:
         """Edges of the stock that a cut leaves, the rim about its end included."""
@@ -397,6 +518,13 @@ class AdaptivePocket:
         return runs(edge, stock, 4 * self._step)
 
 
-def _overlap(chain: FloatArray, low: FloatArray, high: FloatArray) -> bool:
-    """Whether the box of a chain meets another."""
-    return bool(np.all(chain.max(axis=0) >= low) and np.all(chain.min(axis=0) <= high))
+def _outside(chain: FloatArray, centres: cKDTree, radius: float, gap: float) -> list[FloatArray]:
+    """Parts of a chain outside all disks about some centres; the chain itself if it is untouched.
+
+    Its points are no more than `gap` mm apart.
+    """
+    low, high = centres.mins - radius, centres.maxes + radius
+    if np.any(chain.max(axis=0) < low) or np.any(chain.min(axis=0) > high):
+        return [chain]
+    outside = np.isinf(centres.query(chain, distance_upper_bound=radius)[0])
+    return [chain] if outside.all() else runs(chain, outside, gap)

@@ -23,6 +23,9 @@ RADII = 0.6, 0.3, 0.12
 ROOM = 0.01
 """How much nearer to stock than the tool radius ways may pass, as a part of it."""
 
+SLIVER = 0.03
+"""The same to slivers that are left along the walls."""
+
 PROBE, ARC_PROBE = 0.1, 0.015
 """Distance of the places that are looked at on straight ways and arcs, in tool radii."""
 
@@ -46,12 +49,15 @@ class Returns:
         self._walls = walls
         self._wall = wall
         self._radius = radius
-        self._stock: cKDTree | None = None
+        self._stock: list[tuple[cKDTree, float]] = []
 
-    def update(self, fronts: Sequence[FloatArray]) -> None:
-        """Take note of the edges of the stock (in the frame of the walls)."""
-        edges = self._walls.frame(np.concatenate(fronts)) if fronts else None
-        self._stock = None if edges is None else cKDTree(edges, balanced_tree=False)
+    def update(self, fronts: Sequence[FloatArray], left: Sequence[FloatArray] = ()) -> None:
+        """Take note of the edges of the stock and of slivers that are left, in the frame."""
+        self._stock = [
+            (cKDTree(self._walls.frame(np.concatenate(edges)), balanced_tree=False), room)
+            for edges, room in ((fronts, ROOM), (left, SLIVER))
+            if edges
+        ]
 
     def way(self, place: FloatArray, heading: float, start: Start, far: bool) -> Path | None:
         """From a place and heading to the start of a cut, all in the frame of the walls.
@@ -69,7 +75,7 @@ class Returns:
         if not far:
             return None
         ends = self._walls.frame(np.stack([place, start.point]))
-        found = self._map.way(ends[0], ends[1], self, self._clear(self._map.points))
+        found = self.map.way(ends[0], ends[1], self, self._clear(self.map.points))
         if found is None:
             return None
         for part in RADII:
@@ -105,7 +111,8 @@ class Returns:
         return held
 
     @cached_property
-    def _map(self) -> RoadMap:
+    def map(self) -> RoadMap:
+        """The medial axis of all places of the tool."""
         return RoadMap(self._axis, self._wall, MAP_STEP * self._radius)
 
     def _clear_path(self, way: Path) -> bool:
@@ -125,9 +132,10 @@ class Returns:
     def _clear(self, places: FloatArray, bite: float = ROOM) -> BoolArray:
         """Where on ways in the drawing the tool touches neither wall nor stock."""
         good = np.asarray(self._walls.room(self._walls.frame(places)) >= -1e-3)
-        if self._stock is None or not good.any():
-            return good
-        least = self._radius * (1 - bite)
-        near = self._stock.query(places[good], distance_upper_bound=least)[0]
-        good[np.flatnonzero(good)[np.isfinite(near)]] = False
+        for tree, least in self._stock:
+            rows = np.flatnonzero(good)
+            if len(rows):
+                near = self._radius * (1 - max(bite, least))
+                gap = tree.query(places[rows], distance_upper_bound=near)[0]
+                good[rows[np.isfinite(gap)]] = False
         return good

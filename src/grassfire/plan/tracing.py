@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -26,6 +26,9 @@ FIRST_BITE = 0.1, 0.2
 EASE = 6.0, 1.2
 """Length over which it rises to the limit, as parts of the tool radius."""
 
+LEADS = 0.5, 1.0, 1.5
+"""How far before its front a cut from the open may begin, as parts of the tool radius."""
+
 AIR = 0.7
 """Longest way along a wall without cutting before the cut ends, as a part of the tool radius."""
 
@@ -47,16 +50,28 @@ SHARPEST = np.radians(75.0), np.radians(60.0)
 WHOLE, ENDED = -1, -2
 """How a cut ends in the open: at the end of its front, or where it would have to turn back."""
 
+BETWEEN = 16
+"""Places between two wall samples at which a cut may leave the wall."""
+
 MOST_CHANGES = 2000
 """Changes between wall and open in one cut: more are a fault."""
 
 
+BITE, MOST_TURN = 1 / 64, np.radians(4.5)
+"""Advance of the tool from tooth to tooth as a part of its radius; most that it may turn."""
+
+
 class Start(NamedTuple):
-    """Where a cut begins: at a wall sample, or in the open (-1) where the front begins."""
+    """Where a cut begins: at a wall sample, or in the open (-1) where the front begins.
+
+    `lead` is how far before the front a cut from the open begins, mm: there it is laid out at the
+    limit, and comes into the stock in passing; with none it begins with a small bite.
+    """
 
     sample: int
     point: FloatArray
     heading: float
+    lead: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -84,38 +99,14 @@ class Piece:
         return not len(self.samples)
 
 
-def start_of(front: FloatArray, walls: Walls, wall: float, radius: float) -> Start:
-    """Where to begin a cut along a front: on the wall that it starts at, else at its start.
-
-    Parameters
-    ----------
-    front : (n, 2) float array
-        In the frame of the walls, mm.
-    walls : Walls
-    wall, radius : float
-        Least distance of the tool centre from the boundary, radius of the tool, mm.
-    """
-    heading = direction(front[:4])
-    place = front[0] - radius * unit(heading - np.pi / 2 + FIRST_BITE[1])
-    at_front, at_place = walls.clearance(np.stack([front[0], place]))
-    inside = at_place >= wall - 1e-6
-    if at_front < AT_WALL * radius or not inside:
-        back = walls.behind(walls.nearest(front[0]), BACK)
-        gap = walls.points[back][:, None] - front[None, :BACK]
-        clear = np.hypot(gap[..., 0], gap[..., 1]).min(axis=1) >= radius * (1 - 1e-3)
-        if clear.any() or not inside:
-            chosen = int(back[int(np.argmax(clear))])
-            return Start(chosen, walls.points[chosen], float(walls.heading[chosen]))
-    return Start(-1, place, heading)
-
-
 @dataclass
 class _Cut:
     """A cut on its way: its front, the last point passed, where the rim crosses it now.
 
     `lap` is the first piece of the lap of a spiral whose edge is not yet part of the front, or -1;
-    `real` the number of points of the front without its straight extension; `others` holds the
-    points of all other fronts.
+    `real` the number of points of the front that are to be cut, without its straight extension;
+    `limit` is its engagement, radians; `others` holds the points of all other fronts; `tail` tells
+    how much of the front of a spiral need not be cut.
     """
 
     front: FloatArray
@@ -124,7 +115,9 @@ class _Cut:
     pieces: list[Piece]
     lap: int
     real: int
+    limit: float
     others: cKDTree | None
+    tail: Callable[[FloatArray], int] | None = None
 
 
 class Tracer:
@@ -143,9 +136,12 @@ class Tracer:
         self._limit = engagement
         self._step = SAMPLING * radius
 
-    def spiral(self, front: FloatArray) -> list[Piece]:
-        """From a closed front outwards, lap by lap along the edge that the lap before has left."""
-        cut = _Cut(front, 0, front[0], [], 0, len(front), None)
+    def spiral(self, front: FloatArray, tail: Callable[[FloatArray], int]) -> list[Piece]:
+        """From a closed front outwards, lap by lap along the edge that the lap before has left.
+
+        `tail` tells how many last points of a front may be left along the wall.
+        """
+        cut = _Cut(front, 0, front[0], [], 0, len(front), self._limit, None, tail)
         bearing = direction(front[:2]) - np.pi / 2 + FIRST_BITE[0]
         ease: tuple[float, float] | None = (FIRST_BITE[0], EASE[0] * self._radius)
         while self._trace(cut, -1, bearing, ease) and cut.lap >= 0:
@@ -165,36 +161,93 @@ class Tracer:
         more = self._continued(cut.front, edge, gap)
         cut.real = len(cut.front) + len(more) - 1
         cut.front = np.concatenate([cut.front, (more if closed else self._extended(more))[1:]])
+        if not closed and cut.tail is not None:
+            cut.real = max(cut.real - cut.tail(cut.front[: cut.real]), cut.index + 3)
         cut.lap = len(cut.pieces) if closed else -1
+
+    def start(
+        self, front: FloatArray, wall: float, free: Callable[[FloatArray], BoolArray]
+    ) -> Start:
+        """Where to begin a cut along a front: on the wall that it starts at, else near its start.
+
+        Parameters
+        ----------
+        front : (n, 2) float array
+            In the frame of the walls, mm.
+        wall : float
+            Least distance of the tool centre from the boundary, mm.
+        free : callable
+            Tells of (n, 2) places whether the tool touches neither wall nor stock there.
+        """
+        radius = self._radius
+        heading = direction(front[:4])
+        place = front[0] - radius * unit(heading - np.pi / 2 + FIRST_BITE[1])
+        at_front, at_place = self._walls.clearance(np.stack([front[0], place]))
+        inside = at_place >= wall - 1e-6
+        if at_front < AT_WALL * radius or not inside:
+            back = self._walls.behind(self._walls.nearest(front[0]), BACK)
+            gap = self._walls.points[back][:, None] - front[None, :BACK]
+            clear = np.hypot(gap[..., 0], gap[..., 1]).min(axis=1) >= radius * (1 - 1e-3)
+            if clear.any() or not inside:
+                chosen = int(back[int(np.argmax(clear))])
+                return Start(chosen, self._walls.points[chosen], float(self._walls.heading[chosen]))
+        leads = np.array(LEADS) * radius
+        before = front[0] - radius * unit(heading - np.pi / 2 + self._limit)
+        places = before - leads[:, None] * unit(heading)
+        possible = free(places)
+        if possible.any():
+            chosen = int(np.argmax(possible))
+            return Start(-1, places[chosen], heading, float(leads[chosen]))
+        return Start(-1, place, heading)
 
     def cut(self, front: FloatArray, start: Start, others: Sequence[FloatArray]) -> list[Piece]:
         """Along an open front from its start, among others."""
         tree = cKDTree(np.concatenate(others), balanced_tree=False) if others else None
-        cut = _Cut(self._extended(front), 0, front[0], [], -1, len(front), tree)
+        ease: tuple[float, float] | None = (FIRST_BITE[1], EASE[1] * self._radius)
+        if start.lead > 0:
+            before = np.arange(round(start.lead / self._step), 0, -1) * self._step
+            front = np.concatenate([front[0] - before[:, None] * unit(start.heading), front])
+            ease = None
+        limit = self._narrowed(front)
+        cut = _Cut(self._extended(front), 0, front[0], [], -1, len(front), limit, tree)
         offset = front[0] - start.point
-        bearing = float(np.arctan2(offset[1], offset[0]))
-        self._trace(cut, start.sample, bearing, (FIRST_BITE[1], EASE[1] * self._radius))
+        self._trace(cut, start.sample, float(np.arctan2(offset[1], offset[0])), ease)
         return cut.pieces
 
-    def path(self, pieces: list[Piece]) -> Path:
-        """A cut as lines and arcs; wall pieces are the wall rings' own."""
+    def path(self, pieces: list[Piece]) -> Path | None:
+        """A cut as lines and arcs, or None without length; wall pieces are the wall rings' own."""
         paths: list[Path] = []
-        for piece in pieces:
+        for number, piece in enumerate(pieces):
             if piece.free:
+                points = piece.points.copy()
+                if number and np.hypot(*(pieces[number - 1].points[-1] - points[0])) < FIT[0]:
+                    points[0] = pieces[number - 1].points[-1]
+                after = pieces[number + 1].points[0] if number + 1 < len(pieces) else points[-1]
+                if len(points) > 1 and np.hypot(*(after - points[-1])) < FIT[0]:
+                    points[-1] = after
                 tolerance = np.clip(piece.room / 2, *FIT)
-                own = fit(piece.points, piece.heading, tolerance) if len(piece.points) > 1 else None
+                own = fit(points, piece.heading, tolerance) if len(points) > 1 else None
+                begin = points[0]
             else:
                 own = self._walls.slice(int(piece.samples[0]), int(piece.samples[-1]))
-            begin = piece.points[0] if own is None else own.start
+                begin = piece.points[0] if own is None else own.start
             if paths and np.hypot(*(begin - paths[-1].end)) > 1e-9:
                 paths.append(segment(paths[-1].end, begin))
             if own is not None:
                 if paths:
-                    own = Path(
-                        np.concatenate([paths[-1].end[None], own.points[1:]]), own.centre, own.sweep
-                    )
+                    points = np.concatenate([paths[-1].end[None], own.points[1:]])
+                    own = Path(points, own.centre, own.sweep)
                 paths.append(own)
-        return join(*paths)
+        return join(*paths) if paths else None
+
+    def _narrowed(self, front: FloatArray) -> float:
+        """The limit less what the turns of the way add to the angle that a tooth cuts, radians.
+
+        Between teeth the tool advances by a bite; on an arc it turns by bite over radius meanwhile.
+        Between walls the way has about the room there as its radius.
+        """
+        room = float(np.hypot(*(front[-1] - front[0]))) / 2 - self._radius
+        return self._limit - min(BITE * self._radius / max(room, 1e-9), float(MOST_TURN))
 
     def _extended(self, front: FloatArray) -> FloatArray:
         """A front with a straight tool radius more: what lies beyond its end is no more stock."""
@@ -237,7 +290,7 @@ class Tracer:
         front = front[np.append(gap > 1e-6 * self._radius, True)]
         if len(front) < 2:
             return ENDED
-        way = pursue(front, bearing, self._radius, self._engagement(front, ease))
+        way = pursue(front, bearing, self._radius, _eased(front, cut.limit, ease))
         back = way.advance < 0
         stop = int(np.argmax(back)) if back.any() else len(back)
         if stop == 0:
@@ -259,22 +312,14 @@ class Tracer:
         turn = float(wrapped(self._walls.heading[sample] - way.heading[leave]))
         return sample if -SHARPEST[1] <= turn <= SHARPEST[0] else ENDED
 
-    def _engagement(self, front: FloatArray, ease: tuple[float, float] | None) -> FloatArray:
-        """(n - 1,) engagement along a front: the limit, reached smoothly where a cut begins."""
-        if ease is None:
-            return np.full(len(front) - 1, self._limit)
-        gone = np.cumsum(np.hypot(*np.diff(front, axis=0).T))
-        share = np.clip(np.concatenate([[0.0], gone[:-1]]) / ease[1], 0.0, 1.0)
-        return np.maximum(self._limit * share**2 * (3 - 2 * share), min(ease[0], self._limit))
-
     def _slide(self, cut: _Cut, sample: int) -> float | None:
         """Along the wall until the limit is reached: the bearing there; None where the cut ends."""
-        if 0 <= cut.lap < len(cut.pieces) and len(cut.front) - cut.index < WINDOW[1]:
-            self._wind(cut, closed=False)
         while cut.index < len(cut.front) - 2:
+            if 0 <= cut.lap < len(cut.pieces) and len(cut.front) - cut.index < WINDOW[1]:
+                self._wind(cut, closed=False)
             ahead = self._walls.ahead(sample, WINDOW[0])
-            touch = self._touch(cut, ahead)
-            over = touch.engagement >= self._limit
+            touch = self._touch(cut, self._walls.points[ahead], self._walls.heading[ahead])
+            over = touch.engagement >= cut.limit
             leave = int(np.argmax(over)) if over.any() else len(ahead)
             # round a corner of the pocket the front may be touched for long before it is cut
             patience = AIR * self._radius / self._step if cut.pieces else BACK
@@ -286,16 +331,28 @@ class Tracer:
                     cut.index += int(touch.passed[end - 1])
                 return None
             if leave < len(ahead):
-                self._slid(cut, ahead[: leave + 1])
-                cut.index += int(touch.passed[leave])
-                cut.point = touch.point[leave]
-                return float(touch.bearing[leave])
+                return self._left(cut, ahead[: leave + 1])
             self._slid(cut, ahead)
             cut.index += int(touch.passed[-1])
             if sample == int(ahead[-1]):
                 return None
             sample = int(ahead[-1])
         return None
+
+    def _left(self, cut: _Cut, samples: IntArray) -> float:
+        """Along the wall to where the limit is reached, before the last sample; the bearing."""
+        last = samples[-1:]
+        touch = self._touch(cut, self._walls.points[last], self._walls.heading[last])
+        if len(samples) > 1:
+            share = np.arange(1, BETWEEN) / BETWEEN
+            between = self._touch(cut, *self._walls.beyond(int(samples[-2]), share))
+            if (between.engagement >= cut.limit).any():
+                touch, samples = between, samples[:-1]
+        self._slid(cut, samples)
+        leave = int(np.argmax(touch.engagement >= cut.limit))
+        cut.index += int(touch.passed[leave])
+        cut.point = touch.point[leave]
+        return float(touch.bearing[leave])
 
     def _astray(self, cut: _Cut, samples: IntArray, touch: _Touch) -> int:
         """First sample past the end of the front, or in the stock of another one, or all."""
@@ -322,10 +379,9 @@ class Tracer:
             )
         )
 
-    def _touch(self, cut: _Cut, samples: IntArray) -> _Touch:
-        """Where the rim crosses the front ahead, from wall samples."""
+    def _touch(self, cut: _Cut, place: FloatArray, heading: FloatArray) -> _Touch:
+        """Where the rim crosses the front ahead, from places with headings."""
         front = cut.front[cut.index : cut.index + WINDOW[1]]
-        place = self._walls.points[samples]
         gap = np.hypot(place[:, None, 0] - front[None, :, 0], place[:, None, 1] - front[None, :, 1])
         inside = gap < self._radius
         found = np.asarray(inside.any(axis=1))
@@ -333,13 +389,13 @@ class Tracer:
         beyond = ~inside & (np.arange(len(front))[None] >= entered[:, None])
         last = np.where(beyond.any(axis=1), np.argmax(beyond, axis=1), len(front) - 1)
         before = np.maximum(last - 1, 0)
-        rows = np.arange(len(samples))
+        rows = np.arange(len(place))
         low, high = gap[rows, before], gap[rows, last]
         share = np.clip((self._radius - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
         point = front[before] + (front[last] - front[before]) * share[:, None]
         offset = point - place
         bearing = np.arctan2(offset[:, 1], offset[:, 0])
-        angle = wrapped(bearing - self._walls.heading[samples] + np.pi / 2)
+        angle = wrapped(bearing - heading + np.pi / 2)
         engagement = np.where(found & (angle < 0.9 * np.pi), angle, -1.0)
         return _Touch(found, engagement, point, bearing, before)
 
@@ -352,6 +408,15 @@ class _Touch(NamedTuple):
     point: FloatArray
     bearing: FloatArray
     passed: IntArray
+
+
+def _eased(front: FloatArray, limit: float, ease: tuple[float, float] | None) -> FloatArray:
+    """(n - 1,) engagement along a front: the limit, reached smoothly where a cut begins."""
+    if ease is None:
+        return np.full(len(front) - 1, limit)
+    gone = np.cumsum(np.hypot(*np.diff(front, axis=0).T))
+    share = np.clip(np.concatenate([[0.0], gone[:-1]]) / ease[1], 0.0, 1.0)
+    return np.maximum(limit * share**2 * (3 - 2 * share), min(ease[0], limit))
 
 
 def direction(points: FloatArray) -> float:

@@ -103,9 +103,24 @@ class Walls:
             result[near] = self.clearance(chain[near]) - self._wall
         return np.asarray(result)
 
+    def distance(self, points: FloatArray) -> FloatArray:
+        """(n,) distance to the nearest sample, mm."""
+        return np.asarray(self._tree.query(points)[0])
+
     def nearest(self, point: FloatArray) -> int:
         """Index of the nearest sample."""
         return int(self._tree.query(point)[1])
+
+    def beyond(self, sample: int, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n, 2) places and (n,) headings on the ring at shares of the way to the next sample."""
+        ring = self.rings[int(self.ring[sample])]
+        first, size = int(self.first[sample]), int(self.count[sample])
+        after = first + (sample - first + 1) % size
+        step = float((self.along[after] - self.along[sample]) % ring.length)
+        along = self.along[sample] + np.stack([share, share - 0.01, share + 0.01]) * step
+        places, before, behind = ring.at(along.ravel() % ring.length).reshape(3, -1, 2)
+        way = behind - before
+        return places, np.arctan2(way[:, 1], way[:, 0])
 
     def ahead(self, sample: int, count: int) -> IntArray:
         """(m,) indices of the next samples on the same ring, this one first, at most one lap."""
@@ -136,6 +151,10 @@ class Walls:
             for low, high in edges.reshape(-1, 2).tolist():
                 found.append((first + (low + 1 + turn) % size, first + (high + turn) % size))
         return found
+
+    def steps(self, start: int, stop: int) -> int:
+        """How many samples lead from one forward to another on the same ring."""
+        return int((stop - start) % self.count[start])
 
     def size(self, start: int, stop: int) -> float:
         """Length of the ring from one sample forward to another, mm."""
