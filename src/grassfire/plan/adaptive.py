@@ -196,11 +196,19 @@ class AdaptivePocket:
             place, heading, whole = self._cut_corners(corners, place, heading, True)
             lap = not whole
         rings = [ring if settings.climb else ring.reversed() for ring in self._part.rings]
-        last = wall_pass(self._axis, rings, settings, self._walls.frame(place[None])[0])
+        here = self._walls.frame(place[None])[0]
+        last = wall_pass(self._axis, rings, settings, here, self._worth_walking)
         if lap:
             self.strokes += [replace(stroke, between=settings.finish) for stroke in last]
         self.finish += last if settings.finish else []
         return np.asarray(last[-1].path.end)
+
+    def _worth_walking(self, start: FloatArray, end: FloatArray) -> Path | None:
+        """A way at the floor between places of the drawing, where it is quicker than a retract."""
+        settings = self._settings
+        way = self._returns.across(start, end)
+        most = settings.longest_walk + settings.link_speed * float(np.hypot(*(end - start)))
+        return way if way is not None and way.length <= most else None
 
     def _corners(self, pieces: list[FloatArray]) -> list[tuple[int, int]]:
         """Stretches of the walls where more is left than the last lap takes over all depths.

@@ -75,14 +75,19 @@ class Returns:
         if not far:
             return None
         ends = self._walls.frame(np.stack([place, start.point]))
-        found = self.map.way(ends[0], ends[1], self, self._clear(self.map.points))
+        found = self.across(ends[0], ends[1])
+        return None if found is None else self._walls.path(found)
+
+    def across(self, start: FloatArray, end: FloatArray) -> Path | None:
+        """A way over the road map between two places, all in the drawing, its corners rounded."""
+        found = self.map.way(start, end, self, self._clear(self.map.points))
         if found is None:
             return None
         for part in RADII:
             smooth = rounded(found, part * self._radius)
             if self._clear(self._probes(smooth)).all():
-                return self._walls.path(smooth)
-        return self._walls.path(found)
+                return smooth
+        return found
 
     def free(self, places: FloatArray) -> BoolArray:
         """Where on a way (in the frame) the tool touches neither wall nor stock."""
