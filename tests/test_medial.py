@@ -663,3 +663,24 @@ def test_a_loop_that_crosses_itself_is_refused() -> None:
     )
     with pytest.raises(GeometryError):
         medial_axis(Region(bow))
+
+
+@pytest.mark.parametrize("turn", [3e-6, 1e-5, 3e-5])
+def test_ends_too_flat_to_count_leave_the_branch_between_them(turn: float) -> None:
+    """Two flat corners at either end of a stadium: four branches go, the axis stays."""
+    half, radius = 10.0, 5.0
+    angle = np.pi / 2 - turn
+    right, left = np.array([half, 0.0]), np.array([-half, 0.0])
+    high = right + radius * np.array([np.cos(angle), np.sin(angle)])
+    low = high * [1, -1]
+    loop = Loop(
+        (
+            Arc(right, radius, -angle, 2 * angle),
+            Line(high, high * [-1, 1]),
+            Arc(left, radius, np.pi - angle, 2 * angle),
+            Line(low * [-1, 1], low),
+        )
+    )
+    axis = medial_axis(Region(loop))
+    assert len(axis.edges) == 1
+    assert np.ptp(axis.vertex_point[:, 0]) == pytest.approx(2 * half, abs=1e-3)

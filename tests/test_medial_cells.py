@@ -85,7 +85,8 @@ def test_a_cell_that_is_turned_over_is_found() -> None:
     axis = axis_of("comb")
     span = axis.fit.span
     backwards = replace(axis.fit, span=replace(span, start=span.end, end=span.start))
-    nowhere = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 3))
+    none, row = np.zeros(0), np.zeros(0, dtype=np.int64)
+    nowhere = certificate._Places(row, span.take(row), none, none, none), np.zeros((0, 3))
     certificate._demand_orientation(axis.sites, axis.fit, *nowhere, 1e-6)
     with pytest.raises(GeometryError, match="passes the centre of curvature"):
         certificate._demand_orientation(axis.sites, backwards, *nowhere, 1e-6)

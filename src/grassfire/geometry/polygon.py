@@ -14,7 +14,6 @@ from grassfire.geometry.curve import (
     FloatArray,
     affine_parts,
     box,
-    cross,
     frozen_array,
 )
 from grassfire.geometry.line import Line
@@ -28,16 +27,14 @@ class Polygon(Loop):
 
     def __init__(self, points: ArrayLike) -> None:
         given = frozen_array(points, (None, 2), "the points of a polygon")
-        new = np.append(True, np.any(given[1:] != given[:-1], axis=1))[: len(given)]
-        given = given if new.all() else given[new]
-        if len(given) > 1 and np.all(given[-1] == given[0]):
+        same = given[1:] == given[:-1]
+        if same.any():
+            given = given[np.append(True, ~same.all(axis=1))]
+        if len(given) > 1 and given[-1].tolist() == given[0].tolist():
             given = given[:-1]
-        other = given[np.any(given != given[:1], axis=1)]
-        if not np.any(other != other[:1]):
-            raise GeometryError(
-                "a polygon needs three different points",
-                place=given[0].tolist() if len(given) else None,
-            )
+        # Neighbours differ: so do the first three, if the third is not the first again.
+        if len(given) < 3 or given[2].tolist() == given[0].tolist():
+            _demand_three(given)
         given.setflags(write=False)
         object.__setattr__(self, "_vertices", given)
 
@@ -90,8 +87,8 @@ class Polygon(Loop):
     @cached_property
     def area(self) -> float:
         """Signed area in mm^2, counter-clockwise positive."""
-        local = self._vertices - self._vertices[0]
-        return float(0.5 * cross(local[:-1], local[1:]).sum())
+        x, y = (self._vertices - self._vertices[0]).T
+        return float(0.5 * (x[:-1] * y[1:] - y[:-1] * x[1:]).sum())
 
     @cached_property
     def length(self) -> float:
@@ -122,3 +119,13 @@ class Polygon(Loop):
 
     def _curve(self, index: int) -> Curve:
         return Line(self._vertices[index], self._vertices[(index + 1) % len(self)])
+
+
+def _demand_three(points: FloatArray) -> None:
+    """Raise where there are no three different points."""
+    other = points[np.any(points != points[:1], axis=1)]
+    if not np.any(other != other[:1]):
+        raise GeometryError(
+            "a polygon needs three different points",
+            place=points[0].tolist() if len(points) else None,
+        )

@@ -45,13 +45,12 @@ class Region:
         islands = tuple(_oriented(island, -1.0) for island in self.islands)
         object.__setattr__(self, "islands", islands)
         if islands:
-            low_high = np.array(self.outer.bounds())
-            slack = 1e-9 * float(np.hypot(*(low_high[2:] - low_high[:2])))
+            xmin, ymin, xmax, ymax = self.outer.bounds()
+            slack = 1e-9 * float(np.hypot(xmax - xmin, ymax - ymin))
+            xmin, ymin, xmax, ymax = xmin - slack, ymin - slack, xmax + slack, ymax + slack
             for island in islands:
-                inside = np.array(island.bounds())
-                if np.any(inside[:2] < low_high[:2] - slack) or np.any(
-                    inside[2:] > low_high[2:] + slack
-                ):
+                left, bottom, right, top = island.bounds()
+                if left < xmin or bottom < ymin or right > xmax or top > ymax:
                     raise GeometryError(
                         "an island lies outside of its region",
                         place=island.start.tolist(),

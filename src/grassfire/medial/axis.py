@@ -66,8 +66,7 @@ _ATTEMPTS = (
 )
 
 
-@dataclass(frozen=True)
-class Edge:
+class Edge(NamedTuple):
     """A polynomial edge: vertices, (n + 1, 2) control points and (n + 1,) radii, mm."""
 
     start: int
@@ -450,22 +449,22 @@ def _pruned(sites: Sites, graph: Graph, fit: Fit, angular_tolerance: float) -> B
     flat = sites.corner_after & (sites.turn_after <= angular_tolerance)
     if not flat.any():
         return pruned
-    span = fit.span
-    ends = np.concatenate([span.first, span.last])
-    degree = np.bincount(ends, minlength=len(fit.vertex_radius))
-    at_flat = flat[graph.site] & (graph.end >= sites.high[graph.site])
-    queue = list(graph.last[at_flat])
-    while queue:
-        vertex = queue.pop()
-        rows = np.flatnonzero(((span.first == vertex) | (span.last == vertex)) & ~pruned)
-        if len(rows) != 1 or degree[vertex] != 1:
-            continue
-        row = int(rows[0])
-        pruned[row] = True
-        other = int(span.first[row] + span.last[row] - vertex)
-        stop = degree[other] != 2
-        degree[other] -= 1
-        degree[vertex] -= 1
-        if not stop:
-            queue.append(other)
-    return pruned
+    ends = np.stack([fit.span.first, fit.span.last], axis=1)
+    count = len(fit.vertex_radius)
+    degree = np.bincount(ends.ravel(), minlength=count)
+    joint = degree == 2
+    # Of a vertex with one piece left the sum of the numbers of its pieces is the number of that.
+    pieces = np.zeros(count, dtype=np.int64)
+    np.add.at(pieces, ends, np.arange(len(ends))[:, None])
+    tips = np.unique(graph.last[flat[graph.site] & (graph.end >= sites.high[graph.site])])
+    while True:
+        tips = tips[degree[tips] == 1]
+        if not len(tips):
+            return pruned
+        rows = np.unique(pieces[tips])
+        pruned[rows] = True
+        np.subtract.at(degree, ends[rows], 1)
+        np.subtract.at(pieces, ends[rows], rows[:, None])
+        tips = np.unique(ends[rows])
+        # a place where branches met ends no branch, however many of them are pruned
+        tips = tips[joint[tips]]

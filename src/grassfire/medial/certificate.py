@@ -114,9 +114,9 @@ def certify(
     """
     if not _euler(region, fit):
         raise GeometryError("the medial axis is not connected as its region is")
-    row, fraction = _places(sites, fit)
-    disks, first, second = jets(fit, row, fraction)
-    interpolation, feet = _interpolation_error(sites, fit, row, fraction, disks)
+    places = _Places.of(sites, fit)
+    disks, first, second = jets(fit, places.row, places.fraction)
+    interpolation, feet = _interpolation_error(sites, places, disks)
     same = np.abs(feet - disks[:, 2]).max(axis=0)
     limit = _COMMON * tolerance
     _demand(sites, disks, interpolation, limit, "a disk of the medial axis misses its site")
@@ -124,11 +124,11 @@ def certify(
     every, away = _disk_errors(sites, search, fit, disks, feet, tolerance)
     if len(every) > _EXHAUSTIVE:
         _demand_chain(sites, graph, tolerance)
-        _demand_orientation(sites, fit, row, fraction, disks, limit)
+        _demand_orientation(sites, fit, places, disks, limit)
     _demand(sites, every, away, tolerance, "a disk of the medial axis is off")
-    left, right = envelope(disks, first, second, fraction)
-    seen = _seen(sites, fit, row, disks, left - right)
-    alone = _recovery_errors(sites, search, fit, row, fraction, np.concatenate([left, right]))
+    left, right = envelope(disks, first, second, places.fraction)
+    seen = _seen(sites, places.span, disks, left - right)
+    alone = _recovery_errors(sites, search, places, np.concatenate([left, right]))
     recovery = np.maximum(same, np.where(seen, alone, 0.0))
     area_error = abs(_cell_area(sites, graph, fit, tolerance) - region.area)
     if area_error > 10 * tolerance * search.perimeter + 1e-12 * sites.size**2:
@@ -175,7 +175,11 @@ def _disk_errors(
     if len(every) > _EXHAUSTIVE:
         nearest[: len(vertices)] = _vertex_distance(sites, fit, tolerance)
         chosen = np.linspace(0, len(every) - 1, _EXHAUSTIVE).astype(np.int64)
-    found = search.nearest(every[chosen, :2], slack=_SLACK * tolerance)[0]
+    centre, slack = every[chosen, :2], _SLACK * tolerance
+    found = search.nearest(centre, slack=slack, bound=every[chosen, 2] + tolerance)[0]
+    far = np.flatnonzero(np.isinf(found) & np.isinf(nearest[chosen]))
+    if len(far):
+        found[far] = search.nearest(centre[far], slack=slack)[0]
     nearest[chosen] = np.minimum(nearest[chosen], found)
     return every, np.abs(nearest - every[:, 2])
 
@@ -190,26 +194,35 @@ def _euler(region: Region, fit: Fit) -> bool:
     return bool(count == 1)
 
 
-def _places(sites: Sites, fit: Fit) -> tuple[IntArray, FloatArray]:
-    """Pieces (n,) and fractions (n,) at which the disks are tried."""
-    spiral = sites.kind == SiteKind.SPIRAL
-    free = spiral[fit.span.site] | spiral[fit.span.partner]
-    rows, fractions = [], []
-    for chosen, probes in (
-        (fit.exact, np.array([0.5])),
-        (~fit.exact & ~free, _FEW),
-        (~fit.exact & free, _PROBES),
-    ):
-        members = np.flatnonzero(chosen)
-        rows.append(np.repeat(members, len(probes)))
-        fractions.append(np.tile(probes, len(members)))
-    return np.concatenate(rows), np.concatenate(fractions)
+@dataclass(frozen=True)
+class _Places:
+    """Pieces (n,), their spans, fractions (n,), and the parameters of both feet (n,), at which the
+    disks are tried."""
 
+    row: IntArray
+    span: Span
+    fraction: FloatArray
+    parameter: FloatArray
+    facing: FloatArray
 
-def _facing(fit: Fit, row: IntArray, fraction: FloatArray) -> FloatArray:
-    """(n,) contacts on the partners, interpolated."""
-    table = interpolate_to_bezier(fit.facing[..., None])[..., 0]
-    return np.asarray(np.einsum("ij,ij->i", bernstein(TOP, fraction), table[row]))
+    @staticmethod
+    def of(sites: Sites, fit: Fit) -> _Places:
+        """One place on lines and parabolas, two between closed forms, else four."""
+        spiral = sites.kind == SiteKind.SPIRAL
+        free = spiral[fit.span.site] | spiral[fit.span.partner]
+        rows, fractions = [], []
+        for chosen, probes in (
+            (fit.exact, np.array([0.5])),
+            (~fit.exact & ~free, _FEW),
+            (~fit.exact & free, _PROBES),
+        ):
+            members = np.flatnonzero(chosen)
+            rows.append(np.repeat(members, len(probes)))
+            fractions.append(np.tile(probes, len(members)))
+        row, fraction = np.concatenate(rows), np.concatenate(fractions)
+        span = fit.span.take(row)
+        parameter = span.parameter(fraction[:, None])[:, 0]
+        return _Places(row, span, fraction, parameter, fit.contacts(row, fraction))
 
 
 # -- cells that cover the region once -------------------------------------------------------------
@@ -262,20 +275,18 @@ def _demand_chain(sites: Sites, graph: Graph, tolerance: float) -> None:
 
 
 def _demand_orientation(
-    sites: Sites, fit: Fit, row: IntArray, fraction: FloatArray, disks: FloatArray, limit: float
+    sites: Sites, fit: Fit, places: _Places, disks: FloatArray, limit: float
 ) -> None:
     """Raise where a cell is turned over: an interval runs backwards or 1 - k r is negative.
 
     What counts is how far the centre would run backwards, from one end of the piece to the other.
     """
-    span, places = fit.span, fit.span.take(row)
+    span = fit.span
     back = np.maximum(span.start - span.end, span.facing_end - span.facing_start)
-    parameter = places.start + (places.end - places.start) * fraction
-    facing = _facing(fit, row, fraction)
     for piece, disk, own, other in (
         (span, span.first_disk, span.start, span.facing_start),
         (span, span.last_disk, span.end, span.facing_end),
-        (places, disks, parameter, facing),
+        (places.span, disks, places.parameter, places.facing),
     ):
         near, _, _ = motion(sites, piece.site, own, disk[:, 2])
         far, _, _ = motion(sites, piece.partner, other, disk[:, 2])
@@ -289,7 +300,7 @@ def _demand_orientation(
 
 
 def _interpolation_error(
-    sites: Sites, fit: Fit, row: IntArray, fraction: FloatArray, disks: FloatArray
+    sites: Sites, places: _Places, disks: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Eq. (8), times r*, at places (n,): |n.(c* - c) - r*|; and distances to both feet (2, n).
 
@@ -298,12 +309,11 @@ def _interpolation_error(
     far c* lies along the axis from the exact centre, as vertices between nearly parallel contacts
     are open in that direction.
     """
-    span = fit.span.take(row)
-    parameter = span.start + (span.end - span.start) * fraction
-    position, normal = sites.tangents(span.site, parameter)
+    span = places.span
+    position, normal = sites.tangents(span.site, places.parameter)
     along = np.abs(np.einsum("ij,ij->i", normal, disks[:, :2] - position) - disks[:, 2])
     site = np.concatenate([span.site, span.partner])
-    hint = np.concatenate([parameter, _facing(fit, row, fraction)])
+    hint = np.concatenate([places.parameter, places.facing])
     distance = _distance(sites, site, np.concatenate([disks[:, :2]] * 2), hint)
     feet = distance.reshape(2, -1)
     return np.maximum(along, np.abs(feet[1] - disks[:, 2])), feet
@@ -338,32 +348,25 @@ def _distance(sites: Sites, site: IntArray, point: FloatArray, hint: FloatArray)
     return result
 
 
-def _seen(sites: Sites, fit: Fit, row: IntArray, disks: FloatArray, apart: FloatArray) -> BoolArray:
+def _seen(sites: Sites, span: Span, disks: FloatArray, apart: FloatArray) -> BoolArray:
     """Whether the feet of disks (n,) are `apart` (n, 2) enough for derivatives to tell them.
 
     Rounding of coordinates, some 1e-13 of the size, turns the tangent of a piece of length l by
     ten times that over l. Where the feet are less than a tenth of r apart, the square root of eq.
     (1) all but vanishes and enlarges whatever the derivatives are off by.
     """
-    span = fit.span.take(row)
     length = np.abs(span.last_disk - span.first_disk).max(axis=1)
     distance = np.hypot(apart[:, 0], apart[:, 1])
     return np.asarray((length > 1e-9 * sites.size) & (distance > 0.1 * disks[:, 2]))
 
 
 def _recovery_errors(
-    sites: Sites,
-    search: BoundarySearch,
-    fit: Fit,
-    row: IntArray,
-    fraction: FloatArray,
-    recovered: FloatArray,
+    sites: Sites, search: BoundarySearch, places: _Places, recovered: FloatArray
 ) -> FloatArray:
     """Larger distance of the left and right recovered points (2 n, 2) from the boundary, (n,)."""
-    span = fit.span.take(row)
-    parameter = span.start + (span.end - span.start) * fraction
+    span = places.span
     site = np.concatenate([span.partner, span.site])
-    hint = np.concatenate([_facing(fit, row, fraction), parameter])
+    hint = np.concatenate([places.facing, places.parameter])
     distance = _distance(sites, site, recovered, hint)
     # The foot at a corner is the corner.
     distance[sites.kind[site] == SiteKind.POINT] = 0.0
@@ -372,7 +375,7 @@ def _recovery_errors(
     rows = np.flatnonzero(distance > end)
     if len(rows):
         distance[rows] = search.nearest(recovered[rows])[0]
-    return np.asarray(np.maximum(distance[: len(row)], distance[len(row) :]))
+    return np.asarray(np.maximum(distance[: len(span)], distance[len(span) :]))
 
 
 # -- area -----------------------------------------------------------------------------------------
@@ -383,11 +386,15 @@ def _cell_area(sites: Sites, graph: Graph, fit: Fit, tolerance: float) -> float:
 
     Clenshaw-Curtis quadrature at the Chebyshev points at which the contacts are known. The cell of
     a line, or of a point, in front of a line or parabola is a quadratic: Simpson's rule is exact.
+    The cells of two corners in front of each other are triangles.
     """
     kind = sites.kind[fit.span.partner]
     simple = fit.exact & ((kind == SiteKind.LINE) | (kind == SiteKind.POINT))
-    total = 0.0
-    for rows, count in ((np.flatnonzero(simple), 2), (np.flatnonzero(~simple), TOP)):
+    kite = fit.span.hyperbolic
+    total = _kites(sites, fit.span.take(kite))
+    other = ~simple
+    other[kite] = False
+    for rows, count in ((np.flatnonzero(simple), 2), (np.flatnonzero(other), TOP)):
         if len(rows):
             chosen = np.arange(0, TOP + 1, TOP // count)
             total += _both_sides(sites, fit, rows, chosen, tolerance)
@@ -401,6 +408,13 @@ def _cell_area(sites: Sites, graph: Graph, fit: Fit, tolerance: float) -> float:
     kink = ~sites.corner_after[graph.site] & (graph.end >= sites.high[graph.site])
     turn = sites.turn_after[graph.site[kink]]
     return total - float(np.sum(turn * graph.last_radius[kink] ** 2)) / 2
+
+
+def _kites(sites: Sites, span: Span) -> float:
+    """Area of what two corners and the disks at both ends of pieces between them enclose."""
+    apart = sites.anchor[span.partner] - sites.anchor[span.site]
+    along = span.last_disk[:, :2] - span.first_disk[:, :2]
+    return 0.5 * float(np.sum(np.hypot(*apart.T) * np.hypot(*along.T)))
 
 
 def _both_sides(

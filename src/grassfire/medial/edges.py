@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from grassfire.geometry.chebyshev import nodes
+from grassfire.geometry.chebyshev import bernstein, interpolate_to_bezier, nodes
 from grassfire.medial.columns import Columns
 from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.graph import Graph
@@ -35,6 +35,9 @@ class Span(Columns):
     from `facing_start` to `facing_end` (decreasing). The (k, 3) disks (x, y, r) at both ends are
     known, and (A) may be 0 / 0 there; `far_first` and `far_last` are the same disks as found from
     the partner, which differ where the boundary has a kink too flat for a corner.
+
+    The parameters run evenly with the fraction of the piece, but between two corners: `angle_start`
+    and `angle_end` are hyperbolic angles there (see `grassfire.medial.hyperbolas`), else both 0.
     """
 
     site: IntArray
@@ -50,13 +53,40 @@ class Span(Columns):
     last_disk: FloatArray
     far_first: FloatArray
     far_last: FloatArray
+    angle_start: FloatArray
+    angle_end: FloatArray
 
     def __len__(self) -> int:
         return len(self.site)
 
+    @cached_property
+    def hyperbolic(self) -> IntArray:
+        """Rows between two corners that have hyperbolic angles."""
+        return np.flatnonzero(self.angle_start != self.angle_end)
+
+    def share(self, fraction: FloatArray) -> FloatArray:
+        """(k, n) shares of the ranges of both parameters run through at fractions (n,) or (k, n).
+
+        Between two corners the angle of the normal is the Gudermannian of the hyperbolic angle.
+        """
+        rows = self.hyperbolic
+        if not len(rows):
+            return np.asarray(fraction)
+        result = np.array(np.broadcast_to(fraction, (len(self), np.shape(fraction)[-1])))
+        first, last = self.angle_start[rows, None], self.angle_end[rows, None]
+        turned = [np.arctan(np.sinh(first + (last - first) * at)) for at in (0, result[rows], 1)]
+        result[rows] = (turned[1] - turned[0]) / (turned[2] - turned[0])
+        return result
+
     def parameter(self, fraction: FloatArray) -> FloatArray:
         """(k, n) parameters of the sites at fractions (n,) or (k, n)."""
-        return np.asarray(self.start[:, None] + (self.end - self.start)[:, None] * fraction)
+        return np.asarray(
+            self.start[:, None] + (self.end - self.start)[:, None] * self.share(fraction)
+        )
+
+    def at(self, row: IntArray, fraction: FloatArray) -> FloatArray:
+        """(n,) parameters of the sites of pieces `row` at fractions (n,)."""
+        return self.take(row).parameter(fraction[:, None])[:, 0]
 
     def swapped(self) -> Span:
         """The same pieces parametrised by the other side."""
@@ -64,6 +94,7 @@ class Span(Columns):
             self.partner, self.site, self.facing_end, self.facing_start, self.end, self.start,
             self.last, self.first, self.edge,
             self.far_last, self.far_first, self.last_disk, self.first_disk,
+            self.angle_end, self.angle_start,
         )  # fmt: skip
 
 
@@ -83,7 +114,7 @@ class Fit:
         Largest deviation of a disk from the exact one of the same parameter, mm.
     facing : (k, 13) float array
         Parameters of the contacts on the partner at the Chebyshev points of degree 12; between
-        lines and lines or points interpolated from five of them.
+        lines and lines or points interpolated from five of them. See `contacts` for other places.
     exact : (k,) bool array
         Whether the piece is a line or a parabola, because of what its sites are.
     vertex_centre, vertex_radius : (v, 2) and (v,) float arrays
@@ -103,6 +134,18 @@ class Fit:
     def degree(self) -> IntArray:
         """(k,) polynomial degrees."""
         return np.asarray(np.diff(self.offset) - 1)
+
+    def contacts(self, row: IntArray, fraction: FloatArray) -> FloatArray:
+        """(n,) contacts on the partners of pieces `row` at fractions (n,), interpolated."""
+        table = interpolate_to_bezier(self.facing[..., None])[..., 0]
+        result = np.einsum("ij,ij->i", bernstein(TOP, fraction), table[row])
+        span = self.span
+        rows = np.flatnonzero(span.angle_start[row] != span.angle_end[row])
+        if len(rows):
+            part = span.take(row[rows])
+            share = part.share(fraction[rows, None])[:, 0]
+            result[rows] = part.facing_start + (part.facing_end - part.facing_start) * share
+        return np.asarray(result)
 
     def tables(self) -> list[tuple[int, IntArray, FloatArray]]:
         """Pieces grouped by degree: (degree, rows, (n, degree + 1, 3) coefficients)."""
@@ -134,6 +177,7 @@ def graph_spans(graph: Graph, sites: Sites) -> Span:
         second = _least_approach(sites, graph, mate[tied])
         worse[tied] = second < first * (1 - 1e-6)
     rows, mate = np.where(worse, mate, rows), np.where(worse, rows, mate)
+    even = np.zeros(len(rows))
     return Span(
         site=graph.site[rows],
         partner=graph.site[mate],
@@ -148,6 +192,8 @@ def graph_spans(graph: Graph, sites: Sites) -> Span:
         last_disk=tail[rows],
         far_first=tail[mate],
         far_last=head[mate],
+        angle_start=even,
+        angle_end=even,
     )
 
 
@@ -184,9 +230,8 @@ def evaluate_span(
     """
     fraction = np.broadcast_to(fraction, (len(span), np.shape(fraction)[-1]))
     if hint is None:
-        hint = span.facing_start[:, None] + (span.facing_end - span.facing_start)[:, None] * (
-            fraction
-        )
+        step = span.facing_end - span.facing_start
+        hint = span.facing_start[:, None] + step[:, None] * span.share(fraction)
     width = fraction.shape[1]
     inner = np.flatnonzero((fraction != 0) & (fraction != 1))
     row = inner // width

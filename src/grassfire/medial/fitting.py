@@ -8,14 +8,13 @@ not use, the highest at points of its own. The contacts stay in `Fit`, for the c
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from grassfire.errors import GeometryError
 from grassfire.geometry.chebyshev import bernstein, interpolate_to_bezier, nodes
-from grassfire.medial.columns import Columns
 from grassfire.medial.edges import (
     DEGREES,
     NODES,
@@ -27,6 +26,8 @@ from grassfire.medial.edges import (
     motion,
 )
 from grassfire.medial.graph import Graph
+from grassfire.medial.hyperbolas import between_corners
+from grassfire.medial.interpolants import Interpolants, cut_span, deviation_limit
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
 
 _COARSE = np.array([3, 6, 9])
@@ -59,23 +60,24 @@ _CHORDS = 399
 
 
 @dataclass(frozen=True)
-class _Pieces(Columns):
-    """Spans with their polynomials: degree (0: none is good enough), coefficients (k, 13, 3) of
-    which the first degree + 1 count, error and the one aimed at, contacts (k, 13) and disks
-    (k, 13, 3) at the Chebyshev points, the largest 1 - k r at the ends (k,), which is 0 where
-    derivatives do not matter, slopes (k, 2) of the contacts by the fraction at both ends, and how
-    often to halve those that are not good enough, towards the start (> 0) or end (< 0)."""
+class _Trials(Interpolants):
+    """Spans whose polynomials are looked for: the degree is 0 where none is good enough. The error
+    aimed at, disks (k, 13, 3) at the Chebyshev points, the largest 1 - k r at the ends (k,), which
+    is 0 where derivatives do not matter, slopes (k, 2) of the contacts by the fraction at both
+    ends, and how often to halve those that are not good enough, towards the start (> 0) or end
+    (< 0)."""
 
-    span: Span
-    degree: IntArray
-    table: FloatArray
-    error: FloatArray
     goal: FloatArray
-    facing: FloatArray
     disks: FloatArray
     sharpness: FloatArray
     slope: FloatArray
     grade: IntArray
+
+    def found(self) -> Interpolants:
+        """Those that are good enough."""
+        rows = np.flatnonzero(self.degree > 0)
+        every = Interpolants(self.span, self.degree, self.table, self.error, self.facing)
+        return every.take(rows)
 
 
 def fit_edges(
@@ -104,10 +106,13 @@ def fit_edges(
         An edge that does not converge, with its place.
     """
     span = graph_spans(graph, sites)
-    done: list[_Pieces] = []
+    done: list[Interpolants] = []
     joints = [np.concatenate([graph.vertex_centre, graph.vertex_radius[:, None]], axis=1)]
     most = _MOST_HALVES * (len(span) + 1)
     worst = max(tolerance, largest or 0.0)
+    straight, between, span = between_corners(sites, span, tolerance, len(joints[0]))
+    done.append(straight)
+    joints.append(between)
     hint: FloatArray | None = None
     halvings = np.zeros(len(span), dtype=np.int64)
     for level in range(depth):
@@ -117,7 +122,7 @@ def fit_edges(
         if level == 0 and lost.any():
             pieces = _turned(sites, pieces, lost, tolerance, worst)
             span = pieces.span
-        done.append(pieces.take(np.flatnonzero(pieces.degree > 0)))
+        done.append(pieces.found())
         poor = np.flatnonzero(pieces.degree == 0)
         if not len(poor):
             break
@@ -132,11 +137,11 @@ def fit_edges(
     else:
         place = span.first_disk[0, :2] + sites.origin
         raise GeometryError("an edge of the axis does not converge", place=tuple(place))
-    every = _drawable(sites, _Pieces.join(*done), joints, drawing_tolerance)
+    every = _drawable(sites, Interpolants.join(*done), joints, drawing_tolerance)
     return _as_fit(sites, every, np.concatenate(joints))
 
 
-def _as_fit(sites: Sites, every: _Pieces, vertices: FloatArray) -> Fit:
+def _as_fit(sites: Sites, every: Interpolants, vertices: FloatArray) -> Fit:
     """All pieces in the order of the boundary."""
     every = every.take(np.lexsort((every.span.start, every.span.edge)))
     return Fit(
@@ -152,15 +157,15 @@ def _as_fit(sites: Sites, every: _Pieces, vertices: FloatArray) -> Fit:
 
 
 def _turned(
-    sites: Sites, pieces: _Pieces, lost: BoolArray, tolerance: float, worst: float
-) -> _Pieces:
+    sites: Sites, pieces: _Trials, lost: BoolArray, tolerance: float, worst: float
+) -> _Trials:
     """Parabolas over slivers of their line, beside arcs that they all but collapse on."""
     same = pieces.span.take(np.flatnonzero(lost))
     goal, steady = np.full(len(same), worst), np.zeros(len(same), dtype=bool)
     turned = _interpolate(sites, same, goal, steady)
     if not turned.degree.all():
         turned = _interpolate(sites, same.swapped(), np.full(len(same), tolerance), ~steady)
-    return _Pieces.join(pieces.take(np.flatnonzero(~lost)), turned)
+    return _Trials.join(pieces.take(np.flatnonzero(~lost)), turned)
 
 
 def _ends(sites: Sites, span: Span) -> tuple[FloatArray, FloatArray]:
@@ -217,7 +222,7 @@ def _known_degree(sites: Sites, span: Span) -> IntArray:
 
 def _interpolate(
     sites: Sites, span: Span, goal: FloatArray, steady: BoolArray, hint: FloatArray | None = None
-) -> _Pieces:
+) -> _Trials:
     """Lowest degree within the goal (0 where none is), its error, Bezier coefficients.
 
     `steady` asks for good derivatives, too; (k, 15) `hint`s tell the contacts at all inner places.
@@ -227,13 +232,13 @@ def _interpolate(
     # What rounding does to the bisector of two lines, however parallel, it does along it.
     straight = _known_degree(sites, span) == 1
     sharpness = np.maximum(level.max(axis=0), 1.0)
-    pieces = _Pieces(
+    pieces = _Trials(
         span=span,
         degree=np.zeros(count, dtype=np.int64),
         table=np.zeros((count, TOP + 1, 3)),
         error=np.full(count, np.inf),
-        goal=goal,
         facing=np.zeros((count, TOP + 1)),
+        goal=goal,
         disks=np.zeros((count, TOP + 1, 3)),
         sharpness=np.where(straight | ~steady, 0.0, sharpness),
         slope=_end_slopes(span, moved),
@@ -259,7 +264,7 @@ def _interpolate(
     return pieces
 
 
-def _coarse_and_fine(sites: Sites, pieces: _Pieces, moved: FloatArray) -> None:
+def _coarse_and_fine(sites: Sites, pieces: _Trials, moved: FloatArray) -> None:
     """Disks and contacts at the Chebyshev points, coarse ones first; lines and parabolas."""
     span, disks, facing = pieces.span, pieces.disks, pieces.facing
     first = _first_hint(span, moved)
@@ -303,7 +308,7 @@ def _deviations(degrees: tuple[int, ...], known: tuple[int, ...]) -> FloatArray:
     return np.asarray(result.reshape(-1, len(known)))
 
 
-def _try(pieces: _Pieces, rows: IntArray, degrees: tuple[int, ...], known: tuple[int, ...]) -> None:
+def _try(pieces: _Trials, rows: IntArray, degrees: tuple[int, ...], known: tuple[int, ...]) -> None:
     """Accept the lowest degree that is good enough at all nodes of which the disks are `known`."""
     if not len(rows):
         return
@@ -313,7 +318,7 @@ def _try(pieces: _Pieces, rows: IntArray, degrees: tuple[int, ...], known: tuple
     away = _deviation(pieces, rows, off).reshape(len(rows), len(degrees), -1).max(axis=2)
     # Where the partner is out of reach the edge is not what the graph says: left open.
     away = np.where(np.isfinite(away), away, np.inf)
-    good = away <= _limit(pieces, rows, np.array(degrees))
+    good = away <= _limit(pieces, rows, degrees)
     lowest = np.argmax(good, axis=1)
     found = good.any(axis=1)
     for column, degree in enumerate(degrees):
@@ -329,7 +334,7 @@ def _top_at_checks() -> FloatArray:
     return bernstein(TOP, _CHECKS)
 
 
-def _try_top(pieces: _Pieces, rows: IntArray, checks: FloatArray) -> None:
+def _try_top(pieces: _Trials, rows: IntArray, checks: FloatArray) -> None:
     """Accept the highest degree where it agrees with the disks (n, 4, 3) between its nodes.
 
     Where it does not, and by far more at one end than at the other, the cause is at that end: as
@@ -338,7 +343,7 @@ def _try_top(pieces: _Pieces, rows: IntArray, checks: FloatArray) -> None:
     table = interpolate_to_bezier(pieces.disks[rows])
     off = _top_at_checks() @ table - checks
     away = _deviation(pieces, rows, off).max(axis=1)
-    limit = _limit(pieces, rows, np.array([TOP]))[:, 0]
+    limit = _limit(pieces, rows, (TOP,))[:, 0]
     good = away <= limit
     _accept(pieces, rows[good], TOP, table[good], away[good])
     side = np.abs(off).max(axis=2)
@@ -350,7 +355,7 @@ def _try_top(pieces: _Pieces, rows: IntArray, checks: FloatArray) -> None:
     pieces.grade[rows] = np.where(head >= tail, 1, -1) * np.where(clear, depth, 1)
 
 
-def _deviation(pieces: _Pieces, rows: IntArray, away: FloatArray) -> FloatArray:
+def _deviation(pieces: _Trials, rows: IntArray, away: FloatArray) -> FloatArray:
     """Largest coordinates (n, m) of deviations (n, m, 3).
 
     Vertices that rounding leaves open along the axis lie on it all the same. So on pieces that
@@ -368,7 +373,7 @@ def _deviation(pieces: _Pieces, rows: IntArray, away: FloatArray) -> FloatArray:
 
 
 def _accept(
-    pieces: _Pieces, rows: IntArray, degree: int, table: FloatArray, away: FloatArray
+    pieces: _Trials, rows: IntArray, degree: int, table: FloatArray, away: FloatArray
 ) -> None:
     """Take a degree, its coefficients and what it is `away` by, (n,)."""
     pieces.degree[rows] = degree
@@ -376,23 +381,11 @@ def _accept(
     pieces.error[rows] = away
 
 
-def _limit(pieces: _Pieces, rows: IntArray, degrees: IntArray) -> FloatArray:
-    """Deviations (n, d) up to which degrees are good enough.
-
-    That is the goal, and what still lets the derivatives of a piece tell where its disks touch. A
-    deviation d of a polynomial of length l turns its derivative by some 2 degree d / l
-    (Bernstein). A turn a moves the recovered boundary by r (1 - k r) a^2 / 2, and by no more than
-    r a: either within ten tolerances gives a.
-    """
-    first, last, goal = pieces.disks[rows, 0], pieces.disks[rows, -1], pieces.goal[rows]
-    length = np.abs(last - first).max(axis=1)
-    radius = np.maximum(np.maximum(first[:, 2], last[:, 2]), 1e-300)
-    size = np.abs(first).max(axis=1) + radius
-    share = 10 * goal / radius
-    with np.errstate(divide="ignore"):
-        turn = np.maximum(np.sqrt(share / pieces.sharpness[rows]), share)
-    steady = np.maximum((length * turn)[:, None] / (2 * degrees), 1e-13 * size[:, None])
-    return np.asarray(np.minimum(goal[:, None], steady))
+def _limit(pieces: _Trials, rows: IntArray, degrees: tuple[int, ...]) -> FloatArray:
+    """Deviations (n, d) up to which degrees of pieces are good enough."""
+    first, last = pieces.disks[rows, 0], pieces.disks[rows, -1]
+    goal, sharpness = pieces.goal[rows], pieces.sharpness[rows]
+    return deviation_limit(first, last, goal, sharpness, np.array(degrees))
 
 
 @dataclass(frozen=True)
@@ -423,7 +416,7 @@ def _parts(grade: IntArray, halvings: IntArray) -> _Parts:
 
 
 def _split(
-    sites: Sites, pieces: _Pieces, parts: _Parts, count: int
+    sites: Sites, pieces: _Trials, parts: _Parts, count: int
 ) -> tuple[Span, FloatArray, FloatArray]:
     """Pieces as parts, of which the first joint has the number `count`.
 
@@ -443,11 +436,11 @@ def _split(
         start = pieces.span.first_disk[source[lost][0], :2] + sites.origin
         raise GeometryError("an edge of the axis is interrupted", place=tuple(start))
     hint = _between(pieces.take(row), low[:, None] + (high - low)[:, None] * _INNER)
-    span = _cut_span(pieces.span.take(row), low, high, inner, disk, facing, count)
+    span = cut_span(pieces.span.take(row), low, high, inner, disk, facing, count)
     return span, hint, disk
 
 
-def _between(pieces: _Pieces, fraction: FloatArray) -> FloatArray:
+def _between(pieces: _Trials, fraction: FloatArray) -> FloatArray:
     """Contacts (k, n) at fractions (k, n) by monotone cubics between those that are known.
 
     Slopes at the nodes are harmonic means of those of both chords (Fritsch and Butland 1984).
@@ -473,7 +466,9 @@ def _between(pieces: _Pieces, fraction: FloatArray) -> FloatArray:
 # -- drawing --------------------------------------------------------------------------------------
 
 
-def _drawable(sites: Sites, pieces: _Pieces, joints: list[FloatArray], tolerance: float) -> _Pieces:
+def _drawable(
+    sites: Sites, pieces: Interpolants, joints: list[FloatArray], tolerance: float
+) -> Interpolants:
     """Cut pieces into equal parts that 399 chords draw within `tolerance`; they stay the same.
 
     The sagitta of a chord is |x' cross x''| / |x'| times its parameter step squared over 8.
@@ -487,7 +482,7 @@ def _drawable(sites: Sites, pieces: _Pieces, joints: list[FloatArray], tolerance
     if not len(long):
         return pieces
     keep = pieces.take(np.flatnonzero(parts == 1))
-    return _Pieces.join(keep, _cut(sites, pieces.take(long), parts[long], joints))
+    return Interpolants.join(keep, _cut(sites, pieces.take(long), parts[long], joints))
 
 
 def _bend(table: FloatArray) -> FloatArray:
@@ -504,7 +499,9 @@ def _bend(table: FloatArray) -> FloatArray:
     return np.asarray((cross / np.maximum(speed, least)).max(axis=1))
 
 
-def _cut(sites: Sites, pieces: _Pieces, parts: IntArray, joints: list[FloatArray]) -> _Pieces:
+def _cut(
+    sites: Sites, pieces: Interpolants, parts: IntArray, joints: list[FloatArray]
+) -> Interpolants:
     """Every piece as `parts` equal ones."""
     row = np.repeat(np.arange(len(parts)), parts)
     index = np.arange(len(row)) - np.repeat(np.cumsum(parts) - parts, parts)
@@ -528,48 +525,15 @@ def _cut(sites: Sites, pieces: _Pieces, parts: IntArray, joints: list[FloatArray
     table[before, degree[before]] = table[inner, 0]
     first = sum(len(part) for part in joints)
     joints.append(table[inner, 0])
-    span = _cut_span(pieces.span.take(row), low, high, inner, exact[:, 0], where[:, 0], first)
+    span = cut_span(pieces.span.take(row), low, high, inner, exact[:, 0], where[:, 0], first)
     facing[:, 0], facing[:, -1] = span.facing_start, span.facing_end
-    return _Pieces(
+    return Interpolants(
         span,
         degree,
         table,
         pieces.error[row],
-        pieces.goal[row],
         facing,
-        np.zeros_like(table),
-        pieces.sharpness[row],
-        pieces.slope[row],
-        pieces.grade[row],
     )
-
-
-def _cut_span(
-    span: Span,
-    low: FloatArray,
-    high: FloatArray,
-    inner: IntArray,
-    disk: FloatArray,
-    facing: FloatArray,
-    count: int,
-) -> Span:
-    """Rows of the spans restricted to fractions [low, high]; the joints are the starts of `inner`.
-
-    `count` is the number of the first joint.
-    """
-    before = inner - 1
-    length = span.end - span.start
-    start, end = span.start + length * low, span.end.copy()
-    end[before] = start[inner]
-    columns = {item.name: getattr(span, item.name).copy() for item in fields(span)}
-    columns["start"], columns["end"] = start, end
-    columns["facing_start"][inner] = columns["facing_end"][before] = facing
-    columns["first"][inner] = columns["last"][before] = np.arange(count, count + len(inner))
-    for name in ("first_disk", "far_first"):
-        columns[name][inner] = disk
-    for name in ("last_disk", "far_last"):
-        columns[name][before] = disk
-    return Span(**columns)
 
 
 def _values(table: FloatArray, degree: int, fraction: FloatArray) -> FloatArray:

@@ -474,11 +474,8 @@ class _BoundaryItems:
         row = stretches.row
         count = len(row)
         facing_start, facing_end = feet.T
-        length = span.end[row] - span.start[row]
-        own_start = span.start[row] + length * stretches.start
-        own_end = np.where(
-            stretches.cut_end, span.start[row] + length * stretches.end, span.end[row]
-        )
+        own_start = span.at(row, stretches.start)
+        own_end = np.where(stretches.cut_end, span.at(row, stretches.end), span.end[row])
         whole = np.flatnonzero(
             (walker.interval_piece < 0)
             & (vertex_component[np.maximum(walker.interval_vertex, 0)] >= 0)

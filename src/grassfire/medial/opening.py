@@ -162,7 +162,7 @@ def _cuts(walker: Walker, stretches: Stretches, radius: float) -> _Cuts:
         none = np.zeros(0)
         return _Cuts(np.zeros((0, 2)), none, none, part, at_start, at_end, gaps)
     disks, facing = walker.exact(row, fraction)
-    own = span.start[row] + (span.end - span.start)[row] * fraction
+    own = span.at(row, fraction)
     own_spoke = -sites.frame(span.site[row], own)[1]
     far_spoke = -sites.frame(span.partner[row], facing)[1]
     forward = (np.arange(total) >= len(starts))[:, None]
@@ -271,7 +271,7 @@ def _items(walker: Walker, stretches: Stretches, cuts: _Cuts, radius: float) -> 
 def _sides(walker: Walker, row: IntArray, fraction: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Parameters of the feet at fractions of pieces, on both sides."""
     span = walker.axis.span
-    own = span.start[row] + (span.end - span.start)[row] * fraction
+    own = span.at(row, fraction)
     own = np.where(fraction == 1, span.end[row], own)
     far = np.where(fraction == 0, span.facing_start[row], span.facing_end[row])
     inner = np.flatnonzero((fraction > 0) & (fraction < 1))

@@ -172,27 +172,32 @@ def gather(
         A curve that is no line, arc or rational curve.
     """
     parts: list[Curve] = []
-    loops: list[IntArray] = []
+    corners: list[FloatArray] = []
+    counts: list[int] = []
     curves: list[IntArray] = []
-    blocks: list[tuple[int, FloatArray]] = []
     rows: list[IntArray] = []
     count = 0
-    for index, loop in enumerate(region.loops):
+    for loop in region.loops:
         if loop.vertices is not None:
+            corners.append(loop.vertices)
             number = np.arange(len(loop.vertices))
-            blocks.append((count, loop.vertices - origin))
         else:
             plain, owner = _elementary(loop.curves)
             parts.extend(plain)
             number = np.array(owner, dtype=np.int64)
             rows.append(count + np.arange(len(number)))
-        loops.append(np.full(len(number), index))
         curves.append(number)
+        counts.append(len(number))
         count += len(number)
-    pieces = Pieces.empty(np.concatenate(loops), np.concatenate(curves))
-    for head, points in blocks:
-        place = head + np.arange(len(points))
-        pieces.set_lines(place, points, np.concatenate([points[1:], points[:1]]))
+    pieces = Pieces.empty(np.repeat(np.arange(len(counts)), counts), np.concatenate(curves))
+    if corners:
+        points = np.concatenate(corners) - origin
+        sides = np.ones(count, dtype=bool)
+        sides[np.concatenate([*rows, np.zeros(0, dtype=np.int64)])] = False
+        last = np.cumsum([len(part) for part in corners]) - 1
+        after = np.arange(1, len(points) + 1)
+        after[last] = np.concatenate([[0], last[:-1] + 1])
+        pieces.set_lines(np.flatnonzero(sides), points, points[after])
     if not parts:
         return pieces, np.zeros((0, 2, 3)), ()
     return _fill(pieces, parts, np.concatenate(rows), origin, size)

@@ -221,7 +221,7 @@ def separation_angle(axis: MedialAxis, edge: ArrayLike, fraction: ArrayLike) -> 
         return np.zeros(0)
     sites, span = axis.sites, axis.span.take(table.row[index])
     _, facing = evaluate_span(sites, span, place[:, None])
-    parameter = span.start + (span.end - span.start) * place
+    parameter = span.parameter(place[:, None])[:, 0]
     near, far = (
         sites.frame(site, value)[1]
         for site, value in ((span.site, parameter), (span.partner, facing[:, 0]))

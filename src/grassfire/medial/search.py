@@ -12,11 +12,13 @@ from grassfire.medial.columns import Columns
 from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, disk_through
 
-_FIRST_NEIGHBOURS = (12, 6)
+_FIRST_NEIGHBOURS = (12, 10)
 _FEW_NEIGHBOURS = 8
 _EARLIER = np.tri(_FEW_NEIGHBOURS, dtype=bool)
 _SAMPLES_PER_SITE = (2, 16)
 _CROWDING = 60.0
+_TURNED = np.array([(np.cos(0.5), -np.sin(0.5)), (np.sin(0.5), np.cos(0.5))])
+"""The tree has its own axes: its nodes split off points that are level with an axis one by one."""
 _STRIDE = 16
 _MANY = 4096
 """Searches of so many points are spread over the processors, and started from every 16th; fewer
@@ -35,6 +37,15 @@ class Contacts(Columns):
     partner: IntArray
     parameter: FloatArray
     osculating: BoolArray
+
+
+@dataclass(frozen=True)
+class Rivals(Columns):
+    """Sites (n, e) that disks at n boundary points are likely to touch, -1 for none, and where
+    their contacts are expected (NaN where that is not known)."""
+
+    site: IntArray
+    hint: FloatArray
 
 
 @dataclass(frozen=True)
@@ -83,7 +94,9 @@ class BoundarySearch:
         self.site, self.parameter = sites.spread(count)
         self.point = sites.point(self.site, self.parameter)
         # Points on curves: such nodes make far queries up to 80 times faster.
-        self.tree = cKDTree(self.point, compact_nodes=False, balanced_tree=False)
+        self.tree = cKDTree(
+            self.point @ _TURNED, leafsize=32, compact_nodes=False, balanced_tree=False
+        )
         self.half, self.bulge = self._cover(turn / count)
         self.half_step, self.most_bulge = float(self.half.max()), float(self.bulge.max())
 
@@ -122,7 +135,8 @@ class BoundarySearch:
     ) -> tuple[FloatArray, IntArray]:
         """Nearest samples, or some farther by a `share` of their distance."""
         workers = -1 if len(centre) >= _MANY else 1
-        away, index = self.tree.query(centre, k=neighbours, eps=share, workers=workers)
+        turned = centre @ _TURNED
+        away, index = self.tree.query(turned, k=neighbours, eps=share, workers=workers)
         return np.asarray(away), np.asarray(index)
 
     # -- nearest ----------------------------------------------------------------------------------
@@ -133,6 +147,7 @@ class BoundarySearch:
         excluded: IntArray | None = None,
         outside: bool = False,
         slack: float = 0.0,
+        bound: FloatArray | None = None,
     ) -> tuple[FloatArray, IntArray, FloatArray]:
         """Distance to the boundary, nearest site and its parameter, each (n,).
 
@@ -146,6 +161,9 @@ class BoundarySearch:
             Whether centres may lie outside the region.
         slack : float
             By how much the distance may be too large where very many sites are as near, mm.
+        bound : (n,) float array, optional
+            Distances beyond which nothing is looked for, mm: what is farther may be found or not,
+            and where nothing is found the distance is infinite and the site -1.
         """
         allowance, slack = slack, slack + 1e-13 * self.sites.size
         count = len(centre)
@@ -160,11 +178,12 @@ class BoundarySearch:
         while len(active):
             found = self._candidates(
                 centre[active],
-                np.full(len(active), np.inf),
+                np.full(len(active), np.inf) if bound is None else bound[active],
                 neighbours,
                 None if excluded is None else excluded[active],
                 slack,
                 outside,
+                nearest=True,
             )
             target, place = found.site, centre[active][found.row]
             where, away = self.sites.project(target, place, found.hint, allowance)
@@ -229,8 +248,10 @@ class BoundarySearch:
         excluded: IntArray | None,
         slack: float,
         outside: bool = False,
+        nearest: bool = False,
     ) -> _Candidates:
-        """Sites among the nearest samples that may come within `radius`, or else be the nearest."""
+        """Sites among the nearest samples that may come within `radius`; only such that may be the
+        `nearest` if that is all that is asked for."""
         wanted = min(neighbours, len(self.site))
         away, index = self._query(centre, wanted)
         away, index = away.reshape(len(centre), wanted), index.reshape(len(centre), wanted)
@@ -241,7 +262,7 @@ class BoundarySearch:
                 allowed &= owner != excluded[:, item, None]
         shown = np.where(allowed, away, np.inf).min(axis=1)
         # A disk is wanted to its whole radius: its nearest site may end before it touches.
-        limit = np.where(np.isfinite(radius), radius, shown)
+        limit = np.minimum(radius, shown) if nearest else radius
         # A sample that the disk touches must not be lost to rounding.
         allowance = limit * (1 + 1e-9)
         if outside:
@@ -271,6 +292,7 @@ class BoundarySearch:
         curvature: FloatArray,
         excluded: IntArray,
         slack: float = 1e-12,
+        rivals: Rivals | None = None,
     ) -> Contacts:
         """Maximal disks tangent at boundary points: (A) minimised over all sites not excluded.
 
@@ -286,15 +308,15 @@ class BoundarySearch:
             The sites that the point lies on.
         slack : float
             Share of its radius by which an osculating disk may be cut and still count as maximal.
+        rivals : Rivals, optional
+            Sites that are known to be near, which spares part of the search.
         """
         with np.errstate(divide="ignore"):
             limit = np.where(curvature > 0, 1 / np.maximum(curvature, 1e-300), np.inf)
         limit = np.minimum(limit, 2 * self.sites.size)
         count = len(tangents)
-        radius = self._first_radius(tangents, limit, excluded)
-        partner = np.full(count, -1, dtype=np.int64)
-        parameter = np.full(count, np.nan)
-        best = np.full(count, np.inf)
+        best, partner, parameter = self._among(tangents, excluded, rivals)
+        radius = self._first_radius(tangents, np.minimum(limit, best), excluded)
         active = np.arange(count)
         neighbours = np.full(count, _FIRST_NEIGHBOURS[count >= _MANY])
         seen = np.zeros(0, dtype=np.int64)
@@ -306,9 +328,8 @@ class BoundarySearch:
             centre = tangents.position[rows] + radius[rows, None] * tangents.normal[rows]
             found = self._candidates(centre, radius[rows], wanted, excluded[rows], rounding)
             key = rows[found.row] * len(self.sites) + found.site
-            new = np.flatnonzero(~np.isin(key, seen))
-            seen = np.concatenate([seen, key[new]])
-            changed = np.zeros(len(rows), dtype=bool)
+            new = np.flatnonzero(~np.isin(key, seen)) if len(seen) else np.arange(len(key))
+            shrunk = np.zeros(count, dtype=bool)
             row, target = rows[found.row[new]], found.site[new]
             if len(row):
                 where, rho = contact(self.sites, tangents.take(row), target, found.hint[new])
@@ -316,26 +337,55 @@ class BoundarySearch:
                 better = rho[index] < best[first]
                 # A site is only worth another round when it moves the disk.
                 moved = better & (rho[index] < radius[first] * (1 - 1e-14))
-                changed = np.isin(rows, first[moved])
+                shrunk[first[moved]] = True
                 first, index = first[better], index[better]
                 best[first] = rho[index]
                 partner[first] = target[index]
                 parameter[first] = where[index]
                 radius[first] = np.minimum(radius[first], rho[index])
+            changed = shrunk[rows]
             # Contacts that are not where the samples told: start over from the largest disk.
-            lost = rows[~changed & found.complete & (best[rows] > 1.001 * radius[rows])]
-            lost = lost[~restarted[lost]]
-            restarted[lost], changed[np.isin(rows, lost)] = True, True
-            radius[lost] = np.minimum(best[lost], limit[lost])
+            lost = ~changed & found.complete & (best[rows] > 1.001 * radius[rows])
+            lost &= ~restarted[rows]
+            restarted[rows[lost]] = True
+            radius[rows[lost]] = np.minimum(best[rows[lost]], limit[rows[lost]])
             neighbours[rows[~changed & ~found.complete]] *= 4
+            # Disks that are tangent at one point are nested: what reaches into a smaller one
+            # reached into the one that was looked at.
             done = np.zeros(count, dtype=bool)
-            done[rows[~changed & found.complete]] = True
+            done[rows[found.complete & ~lost]] = True
             active = active[~done[active]]
+            seen = np.concatenate([seen, key[new]]) if len(active) else seen
+            seen = seen[~done[seen // len(self.sites)]]
         self._slide(tangents, excluded, best, partner, parameter)
         bounded = best > limit * (1 + 1e-11)
         partner[bounded] = -1
         osculating = best >= limit * (1 - slack)
         return Contacts(np.minimum(best, limit), partner, parameter, osculating)
+
+    def _among(
+        self, tangents: Tangents, excluded: IntArray, rivals: Rivals | None
+    ) -> tuple[FloatArray, IntArray, FloatArray]:
+        """Smallest disks that touch rivals alone: radius, partner and its parameter, (n,) each."""
+        count = len(tangents)
+        best, partner = np.full(count, np.inf), np.full(count, -1, dtype=np.int64)
+        parameter = np.full(count, np.nan)
+        if rivals is None:
+            return best, partner, parameter
+        # Contacts with spirals cost more than they spare.
+        known = (rivals.site >= 0) & (self.sites.kind[rivals.site] != SiteKind.SPIRAL)
+        for column in excluded.T:
+            known &= rivals.site != column[:, None]
+        row, place = np.nonzero(known)
+        if len(row):
+            target, hint = rivals.site[row, place], rivals.hint[row, place]
+            where, rho = contact(self.sites, tangents.take(row), target, hint)
+            first, index = _minimum_by_row(row, rho)
+            best[first] = rho[index]
+            touched = first[np.isfinite(rho[index])]
+            index = index[np.isfinite(rho[index])]
+            partner[touched], parameter[touched] = target[index], where[index]
+        return best, partner, parameter
 
     def _slide(
         self,
@@ -417,11 +467,17 @@ class BoundarySearch:
 
 
 def _minimum_by_row(row: IntArray, value: FloatArray) -> tuple[IntArray, IntArray]:
-    """Distinct rows and the index of the smallest value in each; `row` is sorted."""
-    order = np.lexsort((value, row))
-    ordered = row[order]
-    head = np.concatenate([[True], ordered[1:] != ordered[:-1]]) if len(row) else np.zeros(0, bool)
-    return ordered[head], order[head]
+    """Distinct rows and the index of the (first) smallest value in each; `row` is sorted."""
+    if not len(row):
+        return row, row
+    start = np.concatenate([[True], row[1:] != row[:-1]])
+    head = start.nonzero()[0]
+    least = np.minimum.reduceat(value, head)
+    place = (value == least.take(np.cumsum(start) - 1)).nonzero()[0]
+    # Of equal values the first: rows are in order.
+    owner = row.take(place)
+    first = np.concatenate([[True], owner[1:] != owner[:-1]])
+    return owner[first], place[first]
 
 
 def _extents(sites: Sites) -> tuple[FloatArray, FloatArray]:

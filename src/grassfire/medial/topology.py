@@ -18,7 +18,7 @@ from grassfire.medial.columns import equal_rows
 from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.crossing import crossing
 from grassfire.medial.nodes import WHOLE, Intervals, Junctions, Nodes
-from grassfire.medial.search import BoundarySearch, Contacts
+from grassfire.medial.search import BoundarySearch, Contacts, Rivals
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
 from grassfire.medial.triple import TripleDisks, common_disk, triple_disks
 
@@ -79,13 +79,13 @@ class Topology:
         return result
 
     def _disks(
-        self, site: IntArray, parameter: FloatArray
+        self, site: IntArray, parameter: FloatArray, rivals: Rivals | None = None
     ) -> tuple[FloatArray, FloatArray, Contacts]:
         """Points, normals and maximal disks at parameters of sites."""
         position, normal, curvature = self.sites.frame(site, parameter)
         tangents = Tangents(position, normal, site, parameter)
         own = self._own(site)
-        contacts = self.search.maximal_disks(tangents, curvature, own, self.slack)
+        contacts = self.search.maximal_disks(tangents, curvature, own, self.slack, rivals)
         return position, normal, contacts
 
     def _own(self, site: IntArray) -> IntArray:
@@ -270,13 +270,19 @@ class Topology:
         count[self.contact_arc] = 0
         return sites.spread(count)
 
-    def plain_nodes(self, site: IntArray, parameter: FloatArray, junctions: bool = False) -> Nodes:
+    def plain_nodes(
+        self,
+        site: IntArray,
+        parameter: FloatArray,
+        junctions: bool = False,
+        rivals: Rivals | None = None,
+    ) -> Nodes:
         """Nodes at boundary points, with their images on the partners.
 
         A node whose contact is a junction is an event; as that junction has a disk of its own, it
         is kept only where `junctions` asks for it.
         """
-        position, normal, contacts = self._disks(site, parameter)
+        position, normal, contacts = self._disks(site, parameter, rivals)
         return self._plain(Tangents(position, normal, site, parameter), contacts, junctions)
 
     def _plain(self, tangents: Tangents, contacts: Contacts, junctions: bool) -> Nodes:
@@ -384,7 +390,7 @@ class Topology:
             place = nodes.centre[bad] + self.sites.origin
             raise GeometryError("a contact arc is interrupted", place=tuple(place))
         disks = self._triples(nodes, rows, one, other)
-        empty = self._empty(disks)
+        empty, third, where_third = self._empty(disks)
         parts: list[Nodes] = []
         known = np.flatnonzero(disks.good & empty)
         if len(known):
@@ -400,7 +406,12 @@ class Topology:
             beside = np.minimum(disks.parameter[:, 0] - start, end - disks.parameter[:, 0])
             apart = disks.settled & (beside * speed > 100 * self.snap)
             where = np.where(apart, disks.parameter[:, 0], 0.5 * (start + end))[open_rows]
-            parts.append(self.plain_nodes(site[open_rows], where, junctions=True))
+            rivals = Rivals(
+                np.stack([one, other, third], axis=1),
+                np.stack([nodes.facing[rows], nodes.facing[rows + 1], where_third], axis=1),
+            )
+            chosen = rivals.take(open_rows)
+            parts.append(self.plain_nodes(site[open_rows], where, True, chosen))
         elif len(open_rows):
             parts.extend(self._bracketed(nodes, rows[open_rows], one[open_rows], other[open_rows]))
         return parts
@@ -438,18 +449,24 @@ class Topology:
         disks.parameter[:, 0] = np.clip(mine, left, right)
         return replace(disks, good=disks.good & inside, settled=disks.settled & inside)
 
-    def _empty(self, disks: TripleDisks) -> BoolArray:
-        """Whether no other site reaches into the disks; equal disks are looked at once."""
-        result = np.zeros(len(disks.good), dtype=bool)
+    def _empty(self, disks: TripleDisks) -> tuple[BoolArray, IntArray, FloatArray]:
+        """Whether no other site reaches into the disks; equal disks are looked at once.
+
+        Also the sites that reach in farthest and the parameters there; -1 where none does.
+        """
+        result, parameter = np.zeros(len(disks.good), dtype=bool), np.full(len(disks.good), np.nan)
+        site = np.full(len(result), -1, dtype=np.int64)
         rows = np.flatnonzero(disks.good)
         if not len(rows):
-            return result
+            return result, site, parameter
         group = equal_rows(np.round(disks.centre[rows] / (1e-10 * self.sites.size)).T)
         _, first, members = np.unique(group, return_index=True, return_counts=True)
-        away, _, _ = self.search.nearest(disks.centre[rows[first]])
+        chosen = rows[first]
+        away, nearest, where = self.search.nearest(disks.centre[chosen], bound=disks.radius[chosen])
         away[members > 1] += 1e-10 * self.sites.size
         result[rows] = disks.radius[rows] <= away[group] + self.rounding
-        return result
+        site[rows], parameter[rows] = nearest[group], where[group]
+        return result, site, parameter
 
     def _rounds(self, triple: IntArray) -> TripleDisks:
         """Disks common to long runs of sites, each of which meets its neighbours.

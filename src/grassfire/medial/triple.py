@@ -126,9 +126,10 @@ def _least_squares(
     for _ in range(3):
         away, gradient = feet.distances(np.broadcast_to(centre, (triple.size, 2)))
         matrix = np.concatenate([gradient, -np.ones((len(gradient), 1))], axis=1)
-        # Normal equations: three unknowns, each gradient of length one.
-        step = np.linalg.lstsq(matrix.T @ matrix, -matrix.T @ away, rcond=None)[0]
-        centre, radius = centre + step[:2], float(step[2])
+        # Normal equations: three unknowns, each gradient of length one. Sums of very many terms are
+        # rounded: what is left after a step makes them smaller for the next.
+        step = np.linalg.lstsq(matrix.T @ matrix, matrix.T @ (radius - away), rcond=None)[0]
+        centre, radius = centre + step[:2], radius + float(step[2])
     away, _ = feet.distances(np.broadcast_to(centre, (triple.size, 2)))
     return centre, radius, (away - radius).reshape(-1, 3), feet.parameter.reshape(-1, 3)
 

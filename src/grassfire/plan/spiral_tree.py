@@ -137,7 +137,7 @@ def _touching(
     row = axis.table.row[graph.edge[owner]]
     disks, facing = axis.walker.exact(row, fraction)
     span = axis.span.take(row)
-    own = span.start + (span.end - span.start) * fraction
+    own = span.parameter(fraction[:, None])[:, 0]
     feet = axis.sites.point(span.site, own), axis.sites.point(span.partner, facing)
     centre = disks[:, :2]
     units = [(foot - centre) / disks[:, 2:] for foot in feet]
