@@ -83,6 +83,9 @@ ALLOWANCE, CUSP = 0.02, 0.06
 FAR = 4.0
 """Fronts further off than that many tool radii are taken after corners near the tool."""
 
+HEAD = 8
+"""Points at the start of a front that are left where no cut along it begins there."""
+
 TAIL = 1000
 """Most points at the end of a front that may be left."""
 
@@ -455,8 +458,11 @@ class AdaptivePocket:
         kept: list[FloatArray] = []
         for number, front in enumerate(fronts):
             parts = _outside(front, tree, bound, gap)
-            # a front that its own cut leaves as it is has no stock behind it
-            kept += parts if number > 0 or len(parts) != 1 or parts[0] is not front else []
+            if number == 0 and len(parts) == 1 and parts[0] is front:
+                # no cut begins at a head that folds back: the rest is tried without it
+                parts = [front[HEAD:]] if len(front) > HEAD + 2 else []
+                self._left.append(front[: HEAD + 2])
+            kept += parts
         self._cleared.add(swept)
         whole: list[FloatArray] = []
         short: list[FloatArray] = []
