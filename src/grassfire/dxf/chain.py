@@ -15,6 +15,7 @@ from grassfire.dxf.faces import Edge, bounded_faces, split_at_repeats
 from grassfire.dxf.overlaps import split_overlaps
 from grassfire.errors import GeometryError
 from grassfire.geometry import Arc, Curve, EllipticalArc, Line
+from grassfire.geometry.neighbours import Neighbours, connected
 from grassfire.report import Finding, Severity
 
 FloatArray = NDArray[np.float64]
@@ -106,12 +107,10 @@ def chain_pieces(
 
 def _close_ring(ring: tuple[Piece, ...], findings: list[Finding]) -> list[Chain]:
     """Return the chains of a contour that is closed as drawn: one, or more if it is pinched."""
-    from scipy.spatial import cKDTree
-
     if len(ring) == 1:
         return [Chain(ring)]
     starts = np.array([piece.curve.start for piece in ring])
-    pairs = cKDTree(starts).query_pairs(SHORTEST, output_type="ndarray")
+    pairs = Neighbours(starts).pairs(SHORTEST)
     label = np.arange(len(ring))
     for first, second in sorted(map(tuple, pairs.tolist())):
         label[second] = label[first]
@@ -152,12 +151,10 @@ def _without_duplicates(
     pieces: tuple[Piece, ...], tolerance: float, findings: list[Finding] | None
 ) -> tuple[Piece, ...]:
     """Drop each curve that runs along an earlier one, in either direction."""
-    from scipy.spatial import cKDTree
-
     if len(pieces) < 2:
         return pieces
     samples = _samples(pieces)
-    pairs = cKDTree(samples[:, 2]).query_pairs(tolerance, output_type="ndarray")
+    pairs = Neighbours(samples[:, 2]).pairs(tolerance)
     if len(pairs) == 0:
         return pieces
     pairs = np.sort(pairs, axis=1)
@@ -197,16 +194,10 @@ def _join_ends(
     (n, 2) int array, (m, 2) array
         Node of the start and end of each piece; place of each node.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
-
     ends = np.array([(piece.curve.start, piece.curve.end) for piece in pieces]).reshape(-1, 2)
-    pairs = cKDTree(ends).query_pairs(min(EXACT, tolerance), output_type="ndarray")
-    graph = coo_array(
-        (np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(ends), len(ends))
-    )
-    count, label = connected_components(graph, directed=False)
+    pairs = Neighbours(ends).pairs(min(EXACT, tolerance))
+    label = connected(pairs[:, 0], pairs[:, 1], len(ends))
+    count = int(label.max(initial=-1)) + 1
     degree = np.bincount(label, minlength=count)
     places = _means(ends, label, count)
     spread = np.hypot(*(ends - places[label]).T)
@@ -234,8 +225,8 @@ def _join_ends(
         )
     if merged:
         links = np.array([(first, second) for first, second, _ in merged])
-        graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(count, count))
-        count, group = connected_components(graph, directed=False)
+        group = connected(links[:, 0], links[:, 1], count)
+        count = int(group.max(initial=-1)) + 1
         # An established node stays where it is; loose ends meet half-way.
         firm = degree > 1
         anchored = np.bincount(group[firm], minlength=count) > 0
@@ -270,13 +261,11 @@ def _merge_loose(
     places: FloatArray, degree: IntArray, tolerance: float, own: dict[int, float]
 ) -> list[tuple[int, int, float]]:
     """Return the pairs of nodes (first, second, distance) that are to become one."""
-    from scipy.spatial import cKDTree
-
     loose = np.flatnonzero(degree == 1)
     if len(loose) == 0:
         return []
     count = len(places)
-    pairs = cKDTree(places).query_pairs(tolerance, output_type="ndarray")
+    pairs = Neighbours(places).pairs(tolerance)
     if len(pairs) == 0:
         return []
     pairs = np.sort(pairs, axis=1)
@@ -480,8 +469,6 @@ def _open_chains(
     findings: list[Finding],
 ) -> list[Gap]:
     """Report what stayed open: one finding per connected set of curves, with its loose ends."""
-    from scipy.spatial import cKDTree
-
     if not open_edges:
         return []
     at: dict[int, list[int]] = defaultdict(list)
@@ -493,7 +480,7 @@ def _open_chains(
         used[edge.start] += 1
         used[edge.end] += 1
     loose_places = places[used == 1]
-    tree = cKDTree(loose_places)
+    others = Neighbours(loose_places)
     gaps = []
     for component in _components(edges, at, set(open_edges)):
         touched = {edges[index].start for index in component}
@@ -505,7 +492,7 @@ def _open_chains(
         size = float(np.hypot(*(last - first)))
         near = math.inf
         if len(loose_places) > 1:
-            near = float(tree.query(places[loose], k=2)[0][:, 1].min())
+            near = float(others.nearest(places[loose], 2)[0][:, 1].min())
         text = (
             f"open chain of {len(component)} curves ignored: loose ends at "
             f"({first[0]:.6g}, {first[1]:.6g}) and ({last[0]:.6g}, {last[1]:.6g})"

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from grassfire.dxf.entities import Piece
 from grassfire.geometry import Arc, Line
+from grassfire.geometry.neighbours import Neighbours
 from grassfire.report import Finding, Severity
 
 FloatArray = NDArray[np.float64]
@@ -128,15 +129,13 @@ def _arc_overlaps(
     findings: list[Finding],
 ) -> None:
     """Find pairs of arcs of one circle that overlap, by a k-d tree over centre and radius."""
-    from scipy.spatial import cKDTree
-
     arcs = [
         (index, piece.curve) for index, piece in enumerate(pieces) if isinstance(piece.curve, Arc)
     ]
     if len(arcs) < 2:
         return
     circles = np.array([(*arc.centre, arc.radius) for _, arc in arcs])
-    pairs = cKDTree(circles).query_pairs(tolerance, output_type="ndarray")
+    pairs = Neighbours(circles).pairs(tolerance)
     for low, high in sorted(map(tuple, np.sort(pairs, axis=1).tolist())):
         (first, one), (second, other) = arcs[low], arcs[high]
         if _shared_turn(one, other) * one.radius <= 10.0 * tolerance:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from grassfire.errors import GeometryError
 from grassfire.geometry import Region
@@ -16,6 +14,7 @@ from grassfire.geometry.chebyshev import (
     differentiate_values,
     interpolate_to_bezier,
 )
+from grassfire.geometry.neighbours import connected
 from grassfire.medial.edges import NODES, TOP, Fit, Span, evaluate_span, motion
 from grassfire.medial.graph import Graph
 from grassfire.medial.nodes import WHOLE
@@ -189,9 +188,7 @@ def _euler(region: Region, fit: Fit) -> bool:
     if vertices - edges != 1 - len(region.islands):
         return False
     rows, columns = fit.span.first, fit.span.last
-    matrix = coo_matrix((np.ones(edges), (rows, columns)), shape=(vertices, vertices))
-    count, _ = connected_components(matrix, directed=False)
-    return bool(count == 1)
+    return not connected(rows, columns, vertices).any()
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from grassfire.geometry.chebyshev import bernstein
+from grassfire.geometry.neighbours import connected
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -109,10 +108,8 @@ def necks(axis: MedialAxis) -> FloatArray:
     fit, span = axis.fit, axis.fit.span
     count = len(fit.vertex_radius)
     first_change, last_change, level = _changes(axis)
-    matrix = coo_matrix(
-        (np.ones(int(level.sum())), (span.first[level], span.last[level])), shape=(count, count)
-    )
-    groups, label = connected_components(matrix, directed=False)
+    label = connected(span.first[level], span.last[level], count)
+    groups = int(label.max(initial=-1)) + 1
     ways = np.concatenate([label[span.first[~level]], label[span.last[~level]]])
     change = np.concatenate([first_change[~level], last_change[~level]])
     rising = np.bincount(ways[change > 0], minlength=groups)

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from grassfire.errors import GeometryError
+from grassfire.geometry.neighbours import Neighbours, connected
 from grassfire.medial.columns import equal_rows
 from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.nodes import WHOLE, Intervals, Nodes
@@ -166,8 +164,7 @@ def _vertices(topology: Topology, intervals: Intervals) -> tuple[IntArray, Float
     links.append(np.stack([identity[:-1][same], identity[1:][same]]))
     rows, columns = np.concatenate(links, axis=1)
     count = topology.vertex_count
-    matrix = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count))
-    _, component = connected_components(matrix, directed=False)
+    component = connected(rows, columns, count)
     used = np.unique(component[identity])
     renumber = np.full(count, -1, dtype=np.int64)
     renumber[used] = np.arange(len(used))
@@ -190,7 +187,7 @@ def _neighbours(
     same = np.diff(cell[order]) == 0
     within = np.stack([identity[order[:-1]][same], identity[order[1:]][same]])
     first = order[np.concatenate([[True], ~same])]
-    near = cKDTree(disk[first]).query_pairs(length, output_type="ndarray")
+    near = Neighbours(disk[first]).pairs(length)
     between = np.stack([identity[first[near[:, 0]]], identity[first[near[:, 1]]]])
     return [within, between]
 

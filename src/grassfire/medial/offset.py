@@ -13,11 +13,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from grassfire.errors import GeometryError
 from grassfire.geometry import Arc, Curve, Line, Loop, ParallelCurve
+from grassfire.geometry.neighbours import connected
 from grassfire.medial import recover
 from grassfire.medial.edges import evaluate_span
 from grassfire.medial.nodes import WHOLE
@@ -327,8 +326,7 @@ class Walker:
         rows = np.concatenate([index[open_start], index[open_end]])
         columns = np.concatenate([first[open_start], last[open_end]])
         total = vertices + count
-        matrix = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(total, total))
-        _, label = connected_components(matrix, directed=False)
+        label = connected(rows, columns, total)
         return label[vertices:], np.where(radius >= distance, label[:vertices], -1)
 
     def peak(

@@ -14,12 +14,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from grassfire.errors import GeometryError
 from grassfire.geometry import Arc, Curve, Loop, Region
+from grassfire.geometry.neighbours import Neighbours, connected
 from grassfire.medial.offset import Stretches, Walker, closed_loop, joined_runs, settled
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, dot
 from grassfire.medial.trimmed import has_area
@@ -206,12 +204,11 @@ def _gaps(walker: Walker, stretches: Stretches, at_start: IntArray, at_end: IntA
 def _parts(walker: Walker, gaps: _Gaps, cuts: int, radius: float) -> IntArray:
     """(cuts,) connected part with r < R that each cut bounds."""
     span = walker.axis.span
-    vertices, count = len(walker.axis.fit.vertex_radius), len(gaps.row)
+    vertices = len(walker.axis.fit.vertex_radius)
     first = np.where(gaps.low_cut >= 0, vertices + gaps.low_cut, span.first[gaps.row])
     last = np.where(gaps.high_cut >= 0, vertices + gaps.high_cut, span.last[gaps.row])
     total = vertices + cuts
-    matrix = coo_matrix((np.ones(count), (first, last)), shape=(total, total))
-    return np.asarray(connected_components(matrix, directed=False)[1][vertices:], dtype=np.int64)
+    return connected(first, last, total)[vertices:]
 
 
 @dataclass(frozen=True)
@@ -296,7 +293,7 @@ def _visible(cuts: _Cuts, radius: float, size: float) -> _Arcs:
     """What the disks of the same part leave of the arcs, in the order of the cuts."""
     least = 1e-9 * size / radius
     covered: list[list[tuple[float, float]]] = [[] for _ in cuts.sweep]
-    pairs = cKDTree(cuts.centre).query_pairs(2 * radius, output_type="ndarray")
+    pairs = Neighbours(cuts.centre).pairs(2 * radius)
     pairs = pairs[cuts.part[pairs[:, 0]] == cuts.part[pairs[:, 1]]]
     one, two = np.concatenate([pairs, pairs[:, ::-1]]).T
     away = cuts.centre[two] - cuts.centre[one]

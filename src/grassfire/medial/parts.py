@@ -7,10 +7,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from grassfire.errors import GeometryError
+from grassfire.geometry.neighbours import connected
 from grassfire.medial.offset import settled
 from grassfire.medial.queries import AxisTable, separation_angle
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray
@@ -118,11 +117,10 @@ def _graph(
     ]
     disks = np.concatenate([table.vertex, *ends])[used]
     start, end = numbers[: len(edge)], numbers[len(edge) : 2 * len(edge)]
-    matrix = coo_matrix((np.ones(len(edge)), (start, end)), shape=(len(used), len(used)))
-    component = connected_components(matrix, directed=False)[1] if len(used) else used
+    component = connected(start, end, len(used))
     return AxisGraph(
         axis, edge, *interval, start, end, disks[:, :2] + table.origin, disks[:, 2],
-        used >= count, np.asarray(component, dtype=np.int64),
+        used >= count, component,
     )  # fmt: skip
 
 

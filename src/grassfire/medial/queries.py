@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from grassfire.errors import GeometryError
 from grassfire.geometry.chebyshev import bernstein, gauss_rule
@@ -258,6 +257,8 @@ class AxisIndex:
             self.sag[rows] = _sag(part)
         middle = 0.5 * (self.tail + self.head)
         self.reach = float(np.max(np.hypot(*(self.head - self.tail).T) / 2 + self.sag, initial=0.0))
+        from scipy.spatial import cKDTree
+
         self.tree = cKDTree(middle)
 
     def _cut(

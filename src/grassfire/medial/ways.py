@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import breadth_first_order, dijkstra, minimum_spanning_tree
 
 from grassfire.errors import GeometryError
 from grassfire.medial.parts import AxisGraph, subgraph
@@ -16,6 +14,7 @@ from grassfire.medial.sites import FloatArray, IntArray
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+    from scipy.sparse import csr_matrix
 
     from grassfire.medial.axis import MedialAxis
 
@@ -118,6 +117,8 @@ class _Net:
         columns = np.concatenate([middle, middle[second]])
         total = self.nodes + len(self.edge)
         value = np.concatenate([weight, weight[second]])
+        from scipy.sparse import coo_matrix
+
         return coo_matrix((value, (rows, columns)), shape=(total, total)).tocsr()
 
     def walk(self, previous: IntArray, begin: int, last: int) -> list[tuple[int, bool]]:
@@ -190,6 +191,8 @@ def path(
     length = axis.table.lengths(net.edge, net.low, net.high)
     # Zero would be no connection at all.
     weight = np.maximum(0.5 * length, 1e-300)
+    from scipy.sparse.csgraph import dijkstra
+
     distance, previous = dijkstra(
         net.matrix(weight), directed=False, indices=first, return_predecessors=True
     )
@@ -271,6 +274,8 @@ def _blocked(
     net = _net(subgraph(axis, 0.0), edge, fraction)
     least, where = _narrowest(axis, net.edge, net.low, net.high)
     # The spanning tree of the widest stretches holds the widest way between any two nodes.
+    from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+
     tree = minimum_spanning_tree(net.matrix(1.0 + least.max() - least))
     _, previous = breadth_first_order(tree, net.nodes - 2, directed=False)
     walk = net.walk(previous, net.nodes - 2, net.nodes - 1)

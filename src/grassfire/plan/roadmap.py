@@ -6,17 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.spatial import cKDTree
 
+from grassfire.geometry.neighbours import Neighbours, connected
 from grassfire.medial import MedialAxis
 from grassfire.medial.parts import AxisGraph
 from grassfire.plan.link import Holding, straight
 from grassfire.plan.path import BoolArray, IntArray, Path
 from grassfire.toolpath import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 STOCK = 4.0
 """Weight of a way through stock against one through cleared area."""
@@ -146,7 +148,7 @@ class RoadMap:
         self._length = np.maximum(length[keep], 1e-9)
         self._travelled = np.zeros(len(self._first), dtype=bool)
         self._known_parts: dict[float, tuple[BoolArray, IntArray]] = {}
-        self._tree = cKDTree(self.points)
+        self._places = Neighbours(self.points)
         self.cleared = np.full(len(self.radius), np.inf)
 
     @cached_property
@@ -171,12 +173,7 @@ class RoadMap:
             # along a link of length l between places of clearance r and s, it is at least
             # (r + s - l) / 2
             both = wide[self._first] & wide[self._second]
-            total = len(self.radius)
-            matrix = coo_matrix(
-                (np.ones(np.count_nonzero(both)), (self._first[both], self._second[both])),
-                shape=(total, total),
-            )
-            label = connected_components(matrix, directed=False)[1]
+            label = connected(self._first[both], self._second[both], len(wide))
             self._known_parts[distance] = wide, label
         return self._known_parts[distance]
 
@@ -191,6 +188,9 @@ class RoadMap:
         both = inside[self._first] & inside[self._second]
         total = len(self.radius)
         ends = (self._first[both], self._second[both])
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import dijkstra
+
         matrix = coo_matrix((self._length[both], ends), shape=(total, total)).tocsr()
         distance = dijkstra(matrix, directed=False, indices=rows)
         far = np.max(distance[:, inside] + self.radius[inside], axis=1)
@@ -256,7 +256,7 @@ class RoadMap:
         own, all_ : (n,) bool arrays
             Places strictly inside the first, places in the second.
         """
-        _, node = self._tree.query(goal)
+        node = int(self._places.nearest(goal[None])[1][0, 0])
         tails = self._seen(start, insides[0], own)
         seen = len(tails) > 0
         if not seen:
@@ -336,6 +336,8 @@ class RoadMap:
         Each place has its neighbours, and in its last slot the goal, which is numbered behind the
         start, and both behind the places. The start has `SEEN` slots.
         """
+        from scipy.sparse import csr_matrix
+
         total, count = len(self.radius), len(self._first)
         links = np.arange(count)
         row = np.concatenate([self._first, self._second, np.arange(total)])
@@ -376,6 +378,8 @@ class RoadMap:
         lead = slice(len(link), len(link) + len(tails))
         matrix.data[lead] = np.maximum(np.hypot(*(self.points[tails] - start).T), 1e-9)
         matrix.indices[lead] = tails
+        from scipy.sparse.csgraph import dijkstra
+
         distance, previous = dijkstra(matrix, indices=total, return_predecessors=True)
         if not np.isfinite(distance[total + 1]):
             return None

@@ -1,0 +1,124 @@
+"""Neighbours of points, and what is connected, without loading SciPy for a few of them.
+
+Loading `scipy.spatial` and `scipy.sparse` takes as long as planning a simple pocket.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+FEW: Final = 4096
+"""Pairs that are compared one by one as quickly as a tree answers."""
+
+FEW_LINKS: Final = 400
+"""Links that are followed one by one as quickly as a sparse matrix is made."""
+
+
+class Neighbours:
+    """Points (n, d), asked for the nearest to others, or for pairs near each other.
+
+    The tree is built when more than `FEW` pairs would have to be compared.
+
+    Parameters
+    ----------
+    points : (n, d) float array
+    on_curves : bool
+        Whether they lie along curves: then another form of the tree makes far queries quicker.
+    """
+
+    def __init__(self, points: FloatArray, on_curves: bool = False) -> None:
+        self.points = points
+        self._on_curves = on_curves
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """The tree of all points."""
+        from scipy.spatial import cKDTree
+
+        if self._on_curves:
+            return cKDTree(self.points, leafsize=32, compact_nodes=False, balanced_tree=False)
+        return cKDTree(self.points)
+
+    def nearest(
+        self, places: FloatArray, count: int = 1, share: float = 0.0, workers: int = 1
+    ) -> tuple[FloatArray, IntArray]:
+        """Distances and rows of the `count` <= n nearest points of each place, nearest first.
+
+        Parameters
+        ----------
+        places : (m, d) float array
+        count : int
+        share : float
+            By which part of their distance those found may be farther than the nearest.
+        workers : int
+            Threads; -1 for all cores.
+
+        Returns
+        -------
+        (m, count) float and int arrays
+        """
+        if len(places) * len(self.points) > FEW:
+            away, row = self.tree.query(places, k=count, eps=share, workers=workers)
+            shape = len(places), count
+            return np.asarray(away).reshape(shape), np.asarray(row, dtype=np.int64).reshape(shape)
+        step = places[:, None, :] - self.points[None, :, :]
+        square = np.einsum("ijk,ijk->ij", step, step)
+        if count == 1:
+            row = square.argmin(axis=1)[:, None]
+        else:
+            row = square.argsort(axis=1, kind="stable")[:, :count]
+        return np.sqrt(np.take_along_axis(square, row, axis=1)), row
+
+    def pairs(self, distance: float) -> IntArray:
+        """(k, 2) rows, the lesser first, of points at most `distance` from each other."""
+        if len(self.points) ** 2 > FEW:
+            found = self.tree.query_pairs(distance, output_type="ndarray")
+            return np.asarray(found, dtype=np.int64)
+        step = self.points[:, None, :] - self.points[None, :, :]
+        near = np.einsum("ijk,ijk->ij", step, step) <= distance * distance
+        return np.argwhere(np.triu(near, 1))
+
+
+def connected(first: IntArray, second: IntArray, count: int) -> IntArray:
+    """(count,) component of each of `count` things, from links (k,) between them.
+
+    Components are numbered from 0 in the order of their first members.
+    """
+    if len(first) > FEW_LINKS:
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import connected_components
+
+        matrix = coo_matrix((np.ones(len(first)), (first, second)), shape=(count, count))
+        return np.asarray(connected_components(matrix, directed=False)[1], dtype=np.int64)
+    above = list(range(count))
+    for one, other in zip(first.tolist(), second.tolist(), strict=True):
+        while above[one] != one:
+            above[one] = above[above[one]]
+            one = above[one]
+        while above[other] != other:
+            above[other] = above[above[other]]
+            other = above[other]
+        # the least member is the root, so that roots come before what hangs on them
+        above[max(one, other)] = min(one, other)
+    label = [0] * count
+    groups = 0
+    for index, parent in enumerate(above):
+        if parent == index:
+            label[index] = groups
+            groups += 1
+        else:
+            label[index] = label[parent]
+    return np.array(label, dtype=np.int64)
