@@ -213,6 +213,21 @@ def test_passes_above_the_last_leave_no_stock_for_it(name: str) -> None:
     assert left.area <= 8e-3 * reached.area
 
 
+def test_what_lies_behind_a_neck_for_no_cut_is_cleared() -> None:
+    """Two rooms and a neck in which the tool has 0.01 mm to either side."""
+    half = RADIUS + 0.01
+    corners = [(0, 0), (20, 0), (20, 10 - half), (26, 10 - half), (26, 0), (46, 0)]
+    corners += [(x, 20 - y) for x, y in corners[::-1]]
+    region = Region(Loop.from_points(corners), ())
+    pockets, _ = adaptive_pockets(medial_axis(region), settings_of())
+    assert len(pockets) == 1
+    pockets[0].plan(pockets[0].peak)
+    strokes = [*pockets[0].strokes, *pockets[0].finish]
+    area = shapely.Polygon(corners)
+    reached = area.buffer(-RADIUS + 2e-4, quad_segs=64).buffer(RADIUS - 2e-4, quad_segs=64)
+    assert reached.difference(swept(strokes, RADIUS)).area <= 5e-4 * reached.area
+
+
 # -- jobs, findings, errors -----------------------------------------------------------------------
 
 
