@@ -296,7 +296,12 @@ class Tracer:
         way = pursue(front, bearing, self._radius, _eased(front, cut.limit, ease))
         back = way.advance < 0
         stop = _first_long_run(back, BACKWARDS, len(back))
-        rows = np.flatnonzero(~back[:stop])
+        # forth again only beyond where it was: a way that turns on itself cannot be fitted
+        gone = np.cumsum(
+            np.append(0.0, way.advance[1:stop] * np.hypot(*np.diff(front[:stop], axis=0).T))
+        )
+        ahead = np.append(True, gone[1:] > np.maximum.accumulate(gone)[:-1])
+        rows = np.flatnonzero(~back[:stop] & ahead[:stop])
         if not len(rows):
             return ENDED
         centre, heading = way.centre[rows], way.heading[rows]
