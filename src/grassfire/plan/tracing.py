@@ -53,9 +53,6 @@ WHOLE, ENDED = -1, -2
 BETWEEN = 16
 """Places between two wall samples at which a cut may leave the wall."""
 
-BACKWARDS = 6
-"""Most points of a front in a row along which the tool would go back, and which are left out."""
-
 MOST_CHANGES = 2000
 """Changes between wall and open in one cut: more are a fault."""
 
@@ -295,32 +292,24 @@ class Tracer:
             return ENDED
         way = pursue(front, bearing, self._radius, _eased(front, cut.limit, ease))
         back = way.advance < 0
-        stop = _first_long_run(back, BACKWARDS, len(back))
-        # forth again only beyond where it was: a way that turns on itself cannot be fitted
-        gone = np.cumsum(
-            np.append(0.0, way.advance[1:stop] * np.hypot(*np.diff(front[:stop], axis=0).T))
-        )
-        ahead = np.append(True, gone[1:] > np.maximum.accumulate(gone)[:-1])
-        rows = np.flatnonzero(~back[:stop] & ahead[:stop])
-        if not len(rows):
+        stop = int(np.argmax(back)) if back.any() else len(back)
+        if stop == 0:
             return ENDED
-        centre, heading = way.centre[rows], way.heading[rows]
-        room = self._walls.room(centre)
+        room = self._walls.room(way.centre[:stop])
         outside = room < -1e-9
         # towards the wall the fitted way may be off by its tolerance
         outside[1:] |= (room[1:] < FIT[0]) & (room[1:] < room[:-1])
         outside[0] &= not cut.pieces
-        leave = int(np.argmax(outside)) if outside.any() else len(rows)
+        leave = int(np.argmax(outside)) if outside.any() else stop
         if leave:
-            cut.pieces.append(Piece(centre[:leave], heading[:leave], room[:leave]))
-        passed = len(cut.front) - len(front)
-        if leave == len(rows):
-            cut.index = passed + stop - 1
+            cut.pieces.append(Piece(way.centre[:leave], way.heading[:leave], room[:leave]))
+        if leave == stop:
+            cut.index = len(cut.front) - len(front) + stop - 1
             return WHOLE if stop == len(front) else ENDED
-        sample = self._walls.nearest(centre[leave])
-        cut.index = passed + int(rows[leave])
-        cut.point = front[rows[leave]]
-        turn = float(wrapped(self._walls.heading[sample] - heading[leave]))
+        sample = self._walls.nearest(way.centre[leave])
+        cut.index = len(cut.front) - len(front) + leave
+        cut.point = front[leave]
+        turn = float(wrapped(self._walls.heading[sample] - way.heading[leave]))
         return sample if -SHARPEST[1] <= turn <= SHARPEST[0] else ENDED
 
     def _slide(self, cut: _Cut, sample: int) -> float | None:
