@@ -57,7 +57,7 @@ MOST_CHANGES = 2000
 """Changes between wall and open in one cut: more are a fault."""
 
 
-BITE, MOST_TURN = 1 / 60, np.radians(5.0)
+BITE, MOST_TURN = 1 / 64, np.radians(4.5)
 """Advance of the tool from tooth to tooth as a part of its radius; most that it may turn."""
 
 
