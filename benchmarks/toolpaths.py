@@ -62,6 +62,7 @@ tool = 1
 depth = {depth}
 stepdown = {stepdown}
 stepover = {stepover}
+direction = "{direction}"
 entry = "helix"
 ramp_angle = {ramp_angle}
 finish_pass = {finish_pass}
@@ -81,6 +82,7 @@ class Task:
     keep: Path | None
     program: Path | None
     finish_pass: bool
+    direction: str = "climb"
 
 
 def engagement_limit(stepover: float) -> float:
@@ -163,6 +165,7 @@ def job_text(task: Task, name: str, diameter: float) -> str:
         stepover=task.stepover,
         ramp_angle=task.ramp_angle,
         finish_pass=json.dumps(task.finish_pass),
+        direction=task.direction,
     )
 
 
@@ -252,6 +255,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         choices=("yes", "no"),
         help="wall pass at the end; default: no for offset, yes for others, like the peers",
     )
+    parser.add_argument(
+        "--direction", choices=("climb", "conventional", "both"), default="climb", help="of cuts"
+    )
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument(
         "--judge",
@@ -280,6 +286,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 options.keep,
                 options.program,
                 options.finish_pass == "yes" if options.finish_pass else strategy != "offset",
+                options.direction,
             )
             for strategy in options.strategy
             for step in options.stepover

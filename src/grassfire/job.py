@@ -219,7 +219,7 @@ class Operation(_Settings):
     stepdown: PositiveLength = Field(default=0.0, description="most per pass; default: depth")
     stepover: float | None = Field(None, gt=0, le=1, description="fraction of the diameter")
     engagement_angle: float | None = Field(None, gt=0, le=180, description="degrees")
-    direction: Literal["climb", "conventional"] = "climb"
+    direction: Literal["climb", "conventional", "both"] = "climb"
     radial_allowance: NonNegativeLength = 0.0
     axial_allowance: NonNegativeLength = 0.0
     entry: Literal["helix", "ramp", "plunge"] = "helix"
@@ -267,6 +267,8 @@ class Operation(_Settings):
                 "entry",
                 f"{self.entry!r} would begin with a slot; strategy 'adaptive' enters by helix",
             )
+        if self.direction == "both" and self.strategy != "adaptive":
+            _conflict("direction", "'both' is offered by strategy 'adaptive' alone")
         if self.chip_thinning and self.strategy not in STEADY_STRATEGIES:
             _conflict(
                 "chip_thinning",

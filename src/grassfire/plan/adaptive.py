@@ -31,16 +31,16 @@ from grassfire.plan.fronts import (
 )
 from grassfire.plan.link import straight
 from grassfire.plan.offset import offset_pockets
-from grassfire.plan.path import BoolArray, Path
+from grassfire.plan.path import BoolArray, IntArray, Path
 from grassfire.plan.pursuit import unit
 from grassfire.plan.returns import ROOM, Returns
 from grassfire.plan.rings import Component, components
+from grassfire.plan.sense import Cut, Sense
 from grassfire.plan.strategy import ClearingSettings, PocketPlan
 from grassfire.plan.strokes import Stroke, StrokeKind
 from grassfire.plan.tracing import (
     FIRST_BITE,
     SAMPLING,
-    Piece,
     Start,
     Tracer,
     direction,
@@ -56,7 +56,7 @@ LEAST_HELIX = 0.1
 MOST_LENGTH = 20.0
 """Longest cut of a pocket, as a multiple of area over stepover: more is a fault."""
 
-MARGIN = 0.01
+MARGIN = 0.003
 """How far below the limit cuts are laid out, radians: for chords, fits and rounding."""
 
 WIDE = 0.95
@@ -79,6 +79,9 @@ GRAZING = 0.1
 
 ALLOWANCE, CUSP = 0.02, 0.06
 """Thickest stock left to the last lap round the wall, and thickest cusp, as parts of the radius."""
+
+FILM = 6e-3
+"""Thickest film that stays on walls without a finishing pass, mm."""
 
 FAR = 4.0
 """Fronts further off than that many tool radii are taken after corners near the tool."""
@@ -161,15 +164,21 @@ class AdaptivePocket:
         self._settings = settings
         self._radius = settings.tool_radius
         self._step = SAMPLING * self._radius
-        self._walls = Walls(axis, part.rings, settings.wall, self._step, reflect=not settings.climb)
         engagement = max(settings.engagement - MARGIN, settings.engagement / 2)
-        self._tracer = Tracer(self._walls, self._radius, engagement)
+        walls = [
+            Walls(axis, part.rings, settings.wall, self._step, reflect)
+            for reflect in (not settings.climb, settings.climb)[: 2 if settings.both else 1]
+        ]
+        self._walls = walls[0]
+        self._senses = [
+            Sense(Tracer(own, self._radius, engagement), own is not self._walls) for own in walls
+        ]
         self._returns = Returns(axis, self._walls, settings.wall, self._radius)
         self._cleared = Disks()
         self._fronts: list[FloatArray] = []
         self._left: list[FloatArray] = []
         self._length = 0.0
-        self._starts: dict[int, tuple[FloatArray, Start]] = {}
+        self._starts: dict[tuple[int, bool], tuple[FloatArray, Start]] = {}
         self.peak = part.peak
         self.findings: list[Finding] = []
         self.strokes: list[Stroke] = []
@@ -191,15 +200,17 @@ class AdaptivePocket:
                     )
             entry_place = self._beyond()
         settings = self._settings
-        corners = self._corners(self._left) if settings.finish else []
+        corners = self._corners(self._left) if settings.finish else self._unswept()
         # each is worth its length and a way there; many of them are a lap
         cost = sum(self._walls.size(low, high) + 3 * self._radius for low, high in corners)
-        lap = not settings.finish or cost > 0.6 * sum(ring.length for ring in self._part.rings)
+        lap = cost > 0.6 * sum(ring.length for ring in self._part.rings)
         if not lap:
             place, heading, whole = self._cut_corners(corners, place, heading, True)
             lap = not whole
         rings = [ring if settings.climb else ring.reversed() for ring in self._part.rings]
         here = self._walls.frame(place[None])[0]
+        if not lap and not settings.finish:
+            return here
         last = wall_pass(self._axis, rings, settings, here, self._worth_walking)
         if lap:
             self.strokes += [replace(stroke, between=settings.finish) for stroke in last]
@@ -228,6 +239,13 @@ class AdaptivePocket:
         if not near.any():
             return []
         return self._walls.stretches(near, BESIDE)
+
+    def _unswept(self) -> list[tuple[int, int]]:
+        """Stretches of the walls where cuts have left a film, first and last samples of each."""
+        walls, wall = self._walls, self._settings.wall
+        touched = walls.points + wall * unit(walls.heading - np.pi / 2)
+        film = np.isinf(self._cleared.distance(touched, wall + FILM))
+        return walls.stretches(film, BESIDE) if film.any() else []
 
     def _cut_corners(
         self, corners: list[tuple[int, int]], place: FloatArray, heading: float, hop: bool
@@ -323,15 +341,14 @@ class AdaptivePocket:
             self._fronts = runs(chain, stock, 4 * self._step)
             self._returns.update(self._fronts, self._left)
             return start, float(np.arctan2(outwards[1], outwards[0]) + np.pi / 2)
-        pieces = self._tracer.spiral(front, self._tail)
-        path = self._tracer.path(pieces)
-        if path is None:
+        cut = self._senses[0].spiral(front, self._tail)
+        if cut.path is None:
             raise PlanningError(
                 "no cut fits round the helix",
                 place=(float(self.peak[0]), float(self.peak[1])),
                 remedy="take a smaller tool or strategy offset",
             )
-        return self._take(path, pieces, [front], start)
+        return self._take(cut, cut.path, self._senses[0], [front], start)
 
     def _middle(self) -> tuple[FloatArray, float]:
         """Where clearing begins, and the room there: the most there is, if it pays amid the pocket.
@@ -359,31 +376,32 @@ class AdaptivePocket:
 
     def _next(self, place: FloatArray, heading: float) -> tuple[FloatArray, float]:
         """Cut along the front that is best reached; returns place and heading at its end."""
-        starts = [self._start(front) for front in self._fronts]
+        ways = [(index, sense) for index in range(len(self._fronts)) for sense in self._senses]
+        starts = [self._start(self._fronts[index], sense) for index, sense in ways]
         gaps = [float(np.hypot(*(start.point - place))) for start in starts]
         if min(gaps) > FAR * self._radius:
             place, heading = self._tidied(place, heading)
             gaps = [float(np.hypot(*(start.point - place))) for start in starts]
-        index, link = self._best(place, heading, starts, gaps)
-        front, start = self._fronts[index], starts[index]
+        chosen, link = self._best(place, heading, starts, gaps)
+        (index, sense), start = ways[chosen], starts[chosen]
+        front = self._fronts[index]
         remaining = self._fronts[:index] + self._fronts[index + 1 :]
-        pieces = self._tracer.cut(front, start, remaining)
-        path = self._tracer.path(pieces)
-        if path is None:
+        cut = sense.cut(front, start, remaining)
+        if cut.path is None:
             # nothing to cut that a sample tells from nothing: the wall pass takes it
             self._left.append(self._fronts.pop(index))
             return place, heading
         if link is not None:
             self._stroke(StrokeKind.FEED, link, Role.LINK, air=True)
             place = link.end
-        elif gaps[index] > 1e-9:
+        elif gaps[chosen] > 1e-9:
             landing = self._landing(place, start)
             if landing is None:
                 # stock on all sides: what is there can only be cut in full width
                 self._left.append(self._fronts.pop(index))
                 return place, heading
             place = self._land(place, landing, start)
-        return self._take(path, pieces, [front, *remaining], place)
+        return self._take(cut, cut.path, sense, [front, *remaining], place)
 
     def _landing(self, place: FloatArray, start: Start) -> FloatArray | None:
         """Where the tool is or can come down, with a straight way to the start of a cut.
@@ -418,21 +436,23 @@ class AdaptivePocket:
         self, place: FloatArray, heading: float, starts: list[Start], gaps: list[float]
     ) -> tuple[int, Path | None]:
         """The nearest start that a way leads to, and the way; the nearest if none does."""
+        smooth = len(self._senses) == 1
         order = [int(index) for index in np.argsort(gaps, kind="stable")]
         if gaps[order[0]] <= 1e-9:
             return order[0], None
         for far in (False, True):
             for index in order[:LINK_TRIES]:
-                link = self._returns.way(place, heading, starts[index], far)
+                link = self._returns.way(place, heading, starts[index], far, smooth)
                 if link is not None:
                     return index, link
         return order[0], None
 
-    def _start(self, front: FloatArray) -> Start:
-        known = self._starts.get(id(front))
+    def _start(self, front: FloatArray, sense: Sense) -> Start:
+        key = (id(front), sense.against)
+        known = self._starts.get(key)
         if known is None or known[0] is not front:
-            known = (front, self._tracer.start(front, self._settings.wall, self._returns.free))
-            self._starts[id(front)] = known
+            known = (front, sense.start(front, self._settings.wall, self._returns.free))
+            self._starts[key] = known
         return known[1]
 
     def _stroke(self, kind: StrokeKind, path: Path, role: Role, air: bool = False) -> None:
@@ -440,7 +460,7 @@ class AdaptivePocket:
         self.strokes.append(Stroke(kind, self._walls.path(path), role, air, steady=steady))
 
     def _take(
-        self, path: Path, pieces: list[Piece], fronts: list[FloatArray], place: FloatArray
+        self, cut: Cut, path: Path, sense: Sense, fronts: list[FloatArray], place: FloatArray
     ) -> tuple[FloatArray, float]:
         """Write a cut and bring cleared area and fronts up to date; the first front was cut."""
         self._length += path.length
@@ -448,21 +468,11 @@ class AdaptivePocket:
         if way is not None:
             self._stroke(StrokeKind.FEED, way, Role.CUT)
         self._stroke(StrokeKind.FEED, path, Role.CUT)
-        centres = np.concatenate([piece.points for piece in pieces])
-        headings = np.concatenate([piece.heading for piece in pieces])
-        room = np.concatenate([piece.room for piece in pieces])
-        swept = densified(centres, self._step)
+        swept = densified(cut.points, self._step)
         tree = cKDTree(swept)
-        new = self._new_fronts(centres, room, tree)
+        new = self._new_fronts(cut, sense, tree)
         bound, gap = self._radius * (1 - GRAZE), 4 * self._step
-        kept: list[FloatArray] = []
-        for number, front in enumerate(fronts):
-            parts = _outside(front, tree, bound, gap)
-            if number == 0 and len(parts) == 1 and parts[0] is front:
-                # no cut begins at a head that folds back: the rest is tried without it
-                parts = [front[HEAD:]] if len(front) > HEAD + 2 else []
-                self._left.append(front[: HEAD + 2])
-            kept += parts
+        kept = [part for front in fronts for part in _outside(front, tree, bound, gap)]
         self._cleared.add(swept)
         whole: list[FloatArray] = []
         short: list[FloatArray] = []
@@ -472,10 +482,27 @@ class AdaptivePocket:
         self._left = [part for piece in self._left for part in _outside(piece, tree, bound, gap)]
         self._left += short
         self._fronts = joined(whole, self._radius, self._step, self._walls.clearance)
+        self._advance(fronts[0], sense)
         self._returns.update(self._fronts, self._left)
         known = {id(front) for front in self._fronts}
-        self._starts = {key: value for key, value in self._starts.items() if key in known}
-        return centres[-1], float(headings[-1])
+        self._starts = {key: value for key, value in self._starts.items() if key[0] in known}
+        return cut.points[-1], float(cut.heading[-1])
+
+    def _advance(self, front: FloatArray, sense: Sense) -> None:
+        """Where a cut has left its front as it was, try the rest without its head from now on.
+
+        No cut begins at a head that folds back.
+        """
+        near = self._step / 2
+        for index, other in enumerate(self._fronts):
+            gaps = np.hypot(*(other[[0, -1]] - front[[0, -1]]).T)
+            if gaps.max() < near and abs(length(other) - length(front)) < 2 * near:
+                head, rest = other[: HEAD + 2], other[HEAD:]
+                if sense.against:
+                    head, rest = other[-HEAD - 2 :], other[:-HEAD]
+                self._left.append(head)
+                self._fronts[index : index + 1] = [rest] if len(rest) > 2 else []
+                return
 
     def _thin(self, front: FloatArray) -> bool:
         """Whether what is behind a front can be left to the last lap round the wall."""
@@ -503,33 +530,36 @@ class AdaptivePocket:
             near[rows] = self._walls.clearance(places[rows]) <= most
         return np.asarray(near)
 
-    def _new_fronts(self, centres: FloatArray, room: FloatArray, own: cKDTree) -> list[FloatArray]:
+    def _new_fronts(self, cut: Cut, sense: Sense, own: cKDTree) -> list[FloatArray]:
         """Edges of the stock that a cut leaves, the rim about its end included."""
-        edge, piece = swept_edge(centres, self._radius, self._step)
-        last = len(room) - 1
-        open_ = np.maximum(room[piece], room[np.minimum(piece + 1, last)]) > 0
-        # the rim before and after, from well behind the right: what is cleared there falls out
-        before = direction(centres[:2]) + np.arange(-0.6, 0.0, SAMPLING)
-        after = direction(centres[-2:]) + np.arange(-0.6, np.pi + 0.6, SAMPLING)
-        rims = [
-            centres[end] + self._radius * unit(angle - np.pi / 2)
-            for end, angle in ((0, before), (-1, after))
-        ]
-        edge = np.concatenate([rims[0], edge, rims[1]])
-        open_ = np.pad(open_, (len(before), len(after)), constant_values=True)
-        piece = np.concatenate([np.zeros_like(before, int), piece, np.full(len(after), last)])
-        stock = open_ & (own.query(edge)[0] > self._radius * (1 - GRAZE))
+        edge, piece = sense.edge(cut.points, self._rimmed)
+        last = len(cut.room) - 1
+        low, high = cut.room[np.maximum(piece, 0)], cut.room[np.clip(piece + 1, 0, last)]
+        stock = (piece < 0) | (piece == last) | (np.maximum(low, high) > 0)
+        stock &= own.query(edge)[0] > self._radius * (1 - GRAZE)
         rows = np.flatnonzero(stock)
         old = self._cleared.distance(edge[rows], 1.01 * self._radius)
         stock[rows] = old > self._radius * (1 + GRAZE / 4)
         # where the wall is nearer to the edge than that, it is near the tool as well
         skin = WALL_SKIN * self._radius
         rows = np.flatnonzero(stock)
-        near = np.minimum(room[piece[rows]], room[np.minimum(piece[rows] + 1, last)])
-        rows = rows[near < skin]
+        rows = rows[np.minimum(low[rows], high[rows]) < skin]
         if len(rows):
             stock[rows] = self._walls.clearance(edge[rows]) > skin
         return runs(edge, stock, 4 * self._step)
+
+    def _rimmed(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
+        """Right edge of what is swept, with the rim before and after; -1 and the last are these."""
+        edge, piece = swept_edge(points, self._radius, self._step)
+        # from well behind the right: what is cleared there falls out
+        before = direction(points[:2]) + np.arange(-0.6, 0.0, SAMPLING)
+        after = direction(points[-2:]) + np.arange(-0.6, np.pi + 0.6, SAMPLING)
+        rims = [
+            points[end] + self._radius * unit(angle - np.pi / 2)
+            for end, angle in ((0, before), (-1, after))
+        ]
+        owner = [np.full(len(before), -1), piece, np.full(len(after), len(points) - 1)]
+        return np.concatenate([rims[0], edge, rims[1]]), np.concatenate(owner)
 
 
 def _outside(chain: FloatArray, centres: cKDTree, radius: float, gap: float) -> list[FloatArray]:

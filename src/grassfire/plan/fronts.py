@@ -36,6 +36,9 @@ JOIN_RIGHT, JOIN_LEFT = np.radians(40.0), np.radians(100.0)
 AT_WALL = 0.1
 """A front that ends nearer to the wall than this part of the tool radius ends there."""
 
+FOLD = 2.5
+"""Where an edge runs back over itself by so many steps at most, its points there are dropped."""
+
 Clearances = Callable[[FloatArray], FloatArray]
 """Distance of points (n, 2) from the walls, (n,) mm."""
 
@@ -120,7 +123,13 @@ def swept_edge(centres: FloatArray, radius: float, step: float) -> tuple[FloatAr
     turned = np.maximum(share - straight, 0.0) / np.maximum(1 - straight, 1e-300)
     angle = np.concatenate([heading[:1], heading[owner] + bend[owner] * turned]) - np.pi / 2
     middle = np.concatenate([begin[:1], begin[owner] + chord[owner] * moved[:, None]])
-    return middle + radius * unit(angle), number[np.concatenate([[0], owner])]
+    # right turns move the edge back: short folds along itself would look like its boundary
+    size = np.where((moved == 1) & (bend[owner] < 0) & (turned > 0), -1.0, 1.0)
+    along = np.cumsum(size * ((gap + arc) / np.maximum(1, np.ceil((gap + arc) / step)))[owner])
+    behind = np.concatenate([[0.0], np.maximum.accumulate(along) - along])
+    forward = (behind <= 0) | (behind > FOLD * step)
+    edge = middle + radius * unit(angle)
+    return edge[forward], number[np.concatenate([[0], owner])[forward]]
 
 
 def runs(chain: FloatArray, good: BoolArray, gap: float) -> list[FloatArray]:

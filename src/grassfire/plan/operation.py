@@ -194,6 +194,7 @@ def _settings(
         drop=drop,
         step=step,
         climb=operation.direction != "conventional",
+        both=operation.direction == "both",
         finish=operation.finish_pass,
         fast_links=feeds.link > feeds.cut,
         minimum_radius=operation.minimum_path_radius * tool.diameter,

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from grassfire.medial import MedialAxis
 from grassfire.plan.link import straight
-from grassfire.plan.path import BoolArray, Path
+from grassfire.plan.path import BoolArray, Path, join
 from grassfire.plan.roadmap import RoadMap
 from grassfire.plan.smooth import rounded, tangent_link
 from grassfire.plan.tracing import Start
@@ -25,6 +25,9 @@ ROOM = 0.01
 
 SLIVER = 0.03
 """The same to slivers that are left along the walls."""
+
+AROUND, WALL_GAP = 1.5, 0.1
+"""How much longer than straight a way along the wall may be; how near to it its ends are, in R."""
 
 PROBE, ARC_PROBE = 0.1, 0.015
 """Distance of the places that are looked at on straight ways and arcs, in tool radii."""
@@ -59,24 +62,46 @@ class Returns:
             if edges
         ]
 
-    def way(self, place: FloatArray, heading: float, start: Start, far: bool) -> Path | None:
+    def way(
+        self, place: FloatArray, heading: float, start: Start, far: bool, smooth: bool = True
+    ) -> Path | None:
         """From a place and heading to the start of a cut, all in the frame of the walls.
 
-        Smooth at both ends where there is room; `far` says whether ways over the road map are
-        looked for as well. None where there is none.
+        Smooth at both ends where there is room, if `smooth`; `far` says whether ways over the road
+        map are looked for as well. None where there is none.
         """
-        for part in RADII:
+        for part in RADII if smooth else ():
             way = tangent_link(place, heading, start.point, start.heading, part * self._radius)
             if way is not None and self._clear_path(way):
                 return way
         way = straight(place, start.point)
         if way is None or self._clear_path(way):
             return way
+        beside = self._beside(place, start.point)
+        if beside is not None and self._clear_path(beside):
+            return beside
         if not far:
             return None
         ends = self._walls.frame(np.stack([place, start.point]))
         found = self.across(ends[0], ends[1])
         return None if found is None else self._walls.path(found)
+
+    def _beside(self, place: FloatArray, end: FloatArray) -> Path | None:
+        """Along the wall between two places at it; None where that is a long way round."""
+        walls = self._walls
+        low, high = walls.nearest(place), walls.nearest(end)
+        if walls.first[low] != walls.first[high]:
+            return None
+        back = walls.size(high, low) < walls.size(low, high)
+        ring = walls.slice(high, low) if back else walls.slice(low, high)
+        if ring is None or ring.length > AROUND * float(np.hypot(*(end - place))):
+            return None
+        way = ring.reversed() if back else ring
+        gaps = [np.hypot(*(way.start - place)), np.hypot(*(way.end - end))]
+        if max(gaps) > WALL_GAP * self._radius:
+            return None
+        ends = (straight(place, way.start), way, straight(way.end, end))
+        return join(*(part for part in ends if part is not None))
 
     def across(self, start: FloatArray, end: FloatArray) -> Path | None:
         """A way over the road map between two places, all in the drawing, its corners rounded."""

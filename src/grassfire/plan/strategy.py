@@ -31,6 +31,8 @@ class ClearingSettings:
         Steepest descent of helix and ramp, the height that each descent loses, and that of a pass.
     climb : bool
         Whether the stock is on the right of the travel.
+    both : bool
+        Whether cuts may run the other way, too, to save ways back.
     finish : bool
         Whether each wall is cut once more at the end.
     fast_links : bool
@@ -58,6 +60,7 @@ class ClearingSettings:
     longest_walk: float
     minimum_radius: float
     link_speed: float = 0.25
+    both: bool = False
 
 
 class PocketPlan(Protocol):

@@ -47,8 +47,11 @@ BACK = 60
 SHARPEST = np.radians(75.0), np.radians(60.0)
 """A cut that meets a wall turns along it to the left and to the right by this much at most."""
 
-WHOLE, ENDED = -1, -2
-"""How a cut ends in the open: at the end of its front, or where it would have to turn back."""
+MOST_PIVOT = np.radians(30.0)
+"""How far a cut turns on the spot at most where its front is too tight for the tool."""
+
+WHOLE, ENDED, ON = -1, -2, -3
+"""How a way in the open ends: with its front, where the tool would have to go back, or not yet."""
 
 BETWEEN = 16
 """Places between two wall samples at which a cut may leave the wall."""
@@ -268,8 +271,8 @@ class Tracer:
         """Open and wall by turns; whether the cut ended in the open at the end of the front."""
         for _ in range(MOST_CHANGES):
             if sample < 0:
-                sample = self._open(cut, bearing, ease)
-                if sample < 0:
+                sample, bearing = self._open(cut, bearing, ease)
+                if sample in (WHOLE, ENDED):
                     return sample == WHOLE
             else:
                 left = self._slide(cut, sample)
@@ -283,18 +286,22 @@ class Tracer:
             remedy="report the drawing; the strategy offset clears this pocket",
         )
 
-    def _open(self, cut: _Cut, bearing: float, ease: tuple[float, float] | None) -> int:
-        """At the limit through the open; the wall sample that stops it, else WHOLE or ENDED."""
+    def _open(
+        self, cut: _Cut, bearing: float, ease: tuple[float, float] | None
+    ) -> tuple[int, float]:
+        """At the limit through the open; the wall sample that stops it, or WHOLE, ENDED or ON.
+
+        And the bearing with which it goes on.
+        """
         front = np.concatenate([cut.point[None], cut.front[cut.index + 1 :]])
         gap = np.hypot(*np.diff(front, axis=0).T)
         front = front[np.append(gap > 1e-6 * self._radius, True)]
         if len(front) < 2:
-            return ENDED
+            return ENDED, bearing
         way = pursue(front, bearing, self._radius, _eased(front, cut.limit, ease))
-        back = way.advance < 0
-        stop = int(np.argmax(back)) if back.any() else len(back)
-        if stop == 0:
-            return ENDED
+        # the first row is where the way begins
+        back = way.advance[1:] < 0
+        stop = int(np.argmax(back)) + 1 if back.any() else len(front)
         room = self._walls.room(way.centre[:stop])
         outside = room < -1e-9
         # towards the wall the fitted way may be off by its tolerance
@@ -305,12 +312,36 @@ class Tracer:
             cut.pieces.append(Piece(way.centre[:leave], way.heading[:leave], room[:leave]))
         if leave == stop:
             cut.index = len(cut.front) - len(front) + stop - 1
-            return WHOLE if stop == len(front) else ENDED
+            if stop == len(front):
+                return WHOLE, bearing
+            return self._pivoted(cut, way.centre[stop - 1], float(way.bearing[stop - 1]))
         sample = self._walls.nearest(way.centre[leave])
         cut.index = len(cut.front) - len(front) + leave
         cut.point = front[leave]
         turn = float(wrapped(self._walls.heading[sample] - way.heading[leave]))
-        return sample if -SHARPEST[1] <= turn <= SHARPEST[0] else ENDED
+        return sample if -SHARPEST[1] <= turn <= SHARPEST[0] else ENDED, bearing
+
+    def _pivoted(self, cut: _Cut, centre: FloatArray, bearing: float) -> tuple[int, float]:
+        """Over a place of the front that is tighter than the tool: ON or ENDED, and the bearing.
+
+        There the front runs into the disk of the tool. Where it comes out again the rim meets it,
+        and the tool turns on the spot to keep to the limit.
+        """
+        ahead = cut.front[cut.index + 1 : cut.index + 1 + WINDOW[1]]
+        gap = np.hypot(*(ahead - centre).T)
+        out = gap > self._radius
+        if out.all() or not out.any() or out[0]:
+            return ENDED, bearing
+        after = int(np.argmax(out))
+        share = (self._radius - gap[after - 1]) / (gap[after] - gap[after - 1])
+        point = ahead[after - 1] + (ahead[after] - ahead[after - 1]) * share
+        offset = point - centre
+        across = float(np.arctan2(offset[1], offset[0]))
+        turn = float(wrapped(np.array(across - bearing)))
+        if abs(turn) > MOST_PIVOT:
+            return ENDED, bearing
+        cut.index, cut.point = cut.index + after, point
+        return ON, bearing + turn
 
     def _slide(self, cut: _Cut, sample: int) -> float | None:
         """Along the wall until the limit is reached: the bearing there; None where the cut ends."""

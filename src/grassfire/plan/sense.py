@@ -1,0 +1,106 @@
+"""Cuts with the stock on the right of the travel, or on its left: the same traced in a mirror."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from grassfire.plan.path import BoolArray, IntArray, Path
+from grassfire.plan.tracing import Piece, Start, Tracer
+from grassfire.plan.walls import mirrored, mirrored_path
+from grassfire.toolpath import FloatArray
+
+
+class Cut(NamedTuple):
+    """A cut in the frame of fronts whose stock is on their right.
+
+    Attributes
+    ----------
+    path : Path or None
+        As it is machined; None without length.
+    points : (n, 2) float array
+        Samples of it, mm.
+    heading : (n,) float array
+        Direction of travel there, radians.
+    room : (n,) float array
+        Clearance beyond that of the wall, mm.
+    """
+
+    path: Path | None
+    points: FloatArray
+    heading: FloatArray
+    room: FloatArray
+
+
+class Sense:
+    """Traces cuts along fronts in one sense.
+
+    Fronts have their stock on the right. A cut against their direction is one along their image in
+    the x axis, where right and left have changed places.
+
+    Parameters
+    ----------
+    tracer : Tracer
+        With the walls of the frame, or of its image.
+    against : bool
+        Whether cuts run against the direction of their fronts, with the stock on their left.
+    """
+
+    def __init__(self, tracer: Tracer, against: bool) -> None:
+        self._tracer = tracer
+        self.against = against
+
+    def start(
+        self, front: FloatArray, wall: float, free: Callable[[FloatArray], BoolArray]
+    ) -> Start:
+        """Where to begin a cut along a front; the sample is one of the tracer's walls."""
+        if not self.against:
+            return self._tracer.start(front, wall, free)
+        found = self._tracer.start(_image(front), wall, lambda places: free(mirrored(places)))
+        return _reflected(found)
+
+    def spiral(self, front: FloatArray, tail: Callable[[FloatArray], int]) -> Cut:
+        """From a closed front outwards: see `Tracer.spiral`; only in the direction of fronts."""
+        return self._cut(self._tracer.spiral(front, tail))
+
+    def cut(self, front: FloatArray, start: Start, others: Sequence[FloatArray]) -> Cut:
+        """Along an open front from its start, or from its end backwards, among others."""
+        if not self.against:
+            return self._cut(self._tracer.cut(front, start, others))
+        images = [mirrored(other) for other in others]
+        return self._cut(self._tracer.cut(_image(front), _reflected(start), images))
+
+    def edge(
+        self, points: FloatArray, swept: Callable[[FloatArray], tuple[FloatArray, IntArray]]
+    ) -> tuple[FloatArray, IntArray]:
+        """Edge of what was swept along a way of the frame, stock on its right, and its pieces.
+
+        `swept` makes it of a way with the stock on the right.
+        """
+        if not self.against:
+            return swept(points)
+        edge, piece = swept(mirrored(points))
+        return _image(edge), piece[::-1]
+
+    def _cut(self, pieces: list[Piece]) -> Cut:
+        path = self._tracer.path(pieces)
+        if not pieces:
+            return Cut(path, np.zeros((0, 2)), np.zeros(0), np.zeros(0))
+        points = np.concatenate([piece.points for piece in pieces])
+        heading = np.concatenate([piece.heading for piece in pieces])
+        room = np.concatenate([piece.room for piece in pieces])
+        if not self.against:
+            return Cut(path, points, heading, room)
+        image = None if path is None else mirrored_path(path)
+        return Cut(image, mirrored(points), -heading, room)
+
+
+def _image(chain: FloatArray) -> FloatArray:
+    """A chain with its stock on the right in the mirror, where it runs the other way."""
+    return mirrored(chain)[::-1]
+
+
+def _reflected(start: Start) -> Start:
+    return start._replace(point=mirrored(start.point), heading=-start.heading)
