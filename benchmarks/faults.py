@@ -75,6 +75,7 @@ def settings(draw: random.Random, kind: str) -> dict[str, Any]:
     }
     if operation["strategy"] == "adaptive":
         operation["engagement_angle"] = draw.choice([60.0, 75.0, 90.0])
+        operation["direction"] = draw.choice([operation["direction"], "both"])
         operation["entry"] = "helix"
     else:
         operation["stepover"] = draw.choice([0.25, 0.4, 0.5])

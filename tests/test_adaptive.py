@@ -12,18 +12,30 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 
 from adaptive_measure import engagement, longest_over, swept, track
 from grassfire.errors import InputError, PlanningError
-from grassfire.geometry import Arc, Loop, Region, flatten
+from grassfire.geometry import Arc, Bezier, Line, Loop, Region, flatten
 from grassfire.job import Job, parse_job
 from grassfire.medial import medial_axis
 from grassfire.plan import plan_operation
 from grassfire.plan.adaptive import adaptive_pockets
-from grassfire.plan.fronts import Disks, densified, joined, length, runs, swept_edge
-from grassfire.plan.path import Path
+from grassfire.plan.boundary import Boundary
+from grassfire.plan.fronts import (
+    Disks,
+    Front,
+    Fronts,
+    densified,
+    joined,
+    length,
+    outside,
+    runs,
+    swept_edge,
+)
+from grassfire.plan.path import Path, from_loop
 from grassfire.plan.pursuit import unit, wrapped
-from grassfire.plan.smooth import fit, rounded, tangent_link
+from grassfire.plan.smooth import fits, rounded, tangent_link
 from grassfire.plan.strategy import ClearingSettings
 from grassfire.plan.strokes import Stroke, StrokeKind
 from grassfire.plan.walls import Walls, mirrored, mirrored_path
@@ -338,12 +350,42 @@ def far_from_walls(points: np.ndarray) -> np.ndarray:
 
 def test_fronts_that_continue_each_other_are_one() -> None:
     chain = densified(bent(8), 0.15)
-    halves = [chain[100:], chain[:100]]
+    halves = [Front(chain[100:]), Front(chain[:100])]
     (whole,) = joined(halves, RADIUS, 0.15, far_from_walls)
-    assert length(whole) == pytest.approx(length(chain), abs=0.05)
-    assert whole[0] == pytest.approx(chain[0])
-    apart = [chain[:100], chain[100:] + np.array([0.0, 2.0])]
+    assert whole.length == pytest.approx(length(chain), abs=0.05)
+    assert whole.points[0] == pytest.approx(chain[0])
+    apart = [Front(chain[:100]), Front(chain[100:] + np.array([0.0, 2.0]))]
     assert len(joined(apart, RADIUS, 0.15, far_from_walls)) == 2
+
+
+def scattered(count: int) -> list[Front]:
+    """Short fronts all over a field of 60 mm."""
+    random = np.random.default_rng(count)
+    return [
+        Front(random.uniform(0, 60, 2) + np.cumsum(random.normal(0, 0.2, (30, 2)), axis=0))
+        for _ in range(count)
+    ]
+
+
+def test_places_near_fronts_are_those_near_any_of_their_points() -> None:
+    fronts = scattered(40)
+    every = np.concatenate([front.points for front in fronts])
+    places = np.random.default_rng(1).uniform(0, 60, (500, 2))
+    gap = np.hypot(*(places[:, None] - every[None]).transpose(2, 0, 1)).min(axis=1)
+    assert np.array_equal(Fronts(fronts).within(places, 2.5), gap < 2.5)
+    assert not Fronts().within(places, 2.5).any()
+    assert not Fronts(fronts).within(np.zeros((0, 2)), 2.5).size
+
+
+def test_disks_cut_fronts_apart_and_leave_others_as_they_are() -> None:
+    fronts = scattered(40)
+    centres = np.random.default_rng(3).uniform(20, 40, (50, 2))
+    parts = outside(fronts, cKDTree(centres), 2.0, 5.0)
+    for front, own in zip(fronts, parts, strict=True):
+        gap = np.hypot(*(front.points[:, None] - centres[None]).transpose(2, 0, 1)).min(axis=1)
+        left = sum(len(part) for part in own)
+        assert left == np.count_nonzero(gap > 2.0)
+        assert (own[0] is front) if left == len(front) else (front not in own)
 
 
 def test_disks_know_the_nearest_centre() -> None:
@@ -383,6 +425,38 @@ def test_wall_samples_go_round_and_slices_follow_them() -> None:
         assert walls.frame(walls.frame(corners)) == pytest.approx(corners)
 
 
+@pytest.mark.parametrize("kind", sorted(REGIONS))
+def test_prepared_distances_are_those_of_the_axis(kind: str) -> None:
+    axis = medial_axis(REGIONS[kind]())
+    left, low, right, high = axis.region.bounds()
+    places = np.random.default_rng(5).uniform((left - 4, low - 4), (right + 4, high + 4), (4000, 2))
+    # joints, where two sites are as near, and places beside them
+    joints = np.array([curve.start for loop in axis.region.loops for curve in loop.curves])
+    places = np.concatenate([places, joints, *(joints + step for step in (1e-3, -1e-3, 0.3))])
+    boundary = Boundary(axis, 3.0)
+    assert boundary.clearance(places) == pytest.approx(axis.clearance(places), abs=1e-9)
+    assert boundary.clearance(places[:0]).shape == (0,)
+
+
+def test_curves_other_than_lines_and_arcs_are_left_to_the_axis() -> None:
+    bend = Bezier(np.array([[0.0, 0], [10, -6], [30, 8], [40, 0]]), None)
+    right = Line(np.array([40.0, 0.0]), np.array([20.0, 30.0]))
+    left = Line(np.array([20.0, 30.0]), np.array([0.0, 0.0]))
+    axis = medial_axis(Region(Loop((bend, right, left)), ()))
+    assert not Boundary.suits(axis)
+    rings = [
+        from_loop(loop, 1e-4) for node in axis.offset_tree(np.array([3.0])) for loop in node.loops
+    ]
+    walls = Walls(axis, rings, wall=3.0, step=0.15)
+    places = np.random.default_rng(2).uniform((0.0, 0.0), (40.0, 30.0), (2000, 2))
+    room = axis.clearance(places) - 3.0
+    inside = room > 0
+    assert np.all(walls.room(places[inside]) <= room[inside] + 1e-3)
+    near = np.abs(room) < 0.1
+    assert walls.room(places[near]) == pytest.approx(room[near], abs=1e-9)
+    assert walls.clearance(places) == pytest.approx(room + 3.0)
+
+
 def test_mirrored_paths_turn_the_other_way() -> None:
     path = Path(np.array([[2.0, 0], [0, 2.0]]), np.zeros((1, 2)), np.array([np.pi / 2]))
     image = mirrored_path(path)
@@ -407,18 +481,33 @@ def test_fitted_paths_keep_to_samples_without_corners(tolerance: float) -> None:
     points = np.stack([30 * np.cos(angle) + angle, 12 * np.sin(angle)], axis=1)
     slope = np.stack([1 - 30 * np.sin(angle), 12 * np.cos(angle)], axis=1)
     heading = np.arctan2(slope[:, 1], slope[:, 0])
-    path = fit(points, heading, np.full(1500, tolerance))
+    path, finer = fits([(points, heading, np.full(1500, tolerance / part)) for part in (1, 100)])
     assert max(path.nearest(point).distance for point in points[::11]) <= tolerance * 1.001
     assert corner_angles(path).max() < 1e-6
     assert np.array_equal(path.start, points[0]) and np.array_equal(path.end, points[-1])
-    assert len(path) < len(fit(points, heading, np.full(1500, tolerance / 100)))
+    assert len(path) < len(finer)
 
 
 def test_a_straight_way_is_lines() -> None:
     points = np.stack([np.linspace(0, 50, 200), np.zeros(200)], axis=1)
-    path = fit(points, np.zeros(200), np.full(200, 1e-3))
+    (path,) = fits([(points, np.zeros(200), np.full(200, 1e-3))])
     assert np.all(path.sweep == 0.0)
     assert path.length == pytest.approx(50.0)
+
+
+def test_curves_fitted_together_are_those_fitted_alone() -> None:
+    random = np.random.default_rng(7)
+    curves = []
+    for count in (2, 300, 41, 1000, 3):
+        heading = np.cumsum(random.normal(0, 0.05, count))
+        points = np.cumsum(0.1 * unit(heading), axis=0)
+        curves.append((points, heading, np.full(count, 2e-3)))
+    for path, curve in zip(fits(curves), curves, strict=True):
+        (alone,) = fits([curve])
+        assert np.array_equal(path.points, alone.points)
+        assert np.array_equal(path.sweep, alone.sweep)
+        assert np.array_equal(path.end, curve[0][-1])
+    assert fits([]) == []
 
 
 @settings(max_examples=60, deadline=None)

@@ -23,9 +23,13 @@ from grassfire.plan.fronts import (
     SHORTEST,
     WALL_SKIN,
     Disks,
+    Front,
+    Fronts,
+    box,
     densified,
     joined,
     length,
+    outside,
     runs,
     swept_edge,
 )
@@ -175,10 +179,13 @@ class AdaptivePocket:
         ]
         self._returns = Returns(axis, self._walls, settings.wall, self._radius)
         self._cleared = Disks()
-        self._fronts: list[FloatArray] = []
-        self._left: list[FloatArray] = []
+        self._fronts: list[Front] = []
+        self._left: list[Front] = []
         self._length = 0.0
-        self._starts: dict[tuple[int, bool], tuple[FloatArray, Start]] = {}
+        self._starts: dict[tuple[Front, Sense], Start] = {}
+        self._spare: dict[Front, bool] = {}
+        self._steps: list[Stroke | Sense] = []
+        self._cuts: dict[Sense, list[Cut]] = {sense: [] for sense in self._senses}
         self.peak = part.peak
         self.findings: list[Finding] = []
         self.strokes: list[Stroke] = []
@@ -207,10 +214,11 @@ class AdaptivePocket:
         if not lap:
             place, heading, whole = self._cut_corners(corners, place, heading, True)
             lap = not whole
+        self.strokes = self._written()
         rings = [ring if settings.climb else ring.reversed() for ring in self._part.rings]
         here = self._walls.frame(place[None])[0]
         if not lap and not settings.finish:
-            return here
+            return np.asarray(here)
         last = wall_pass(self._axis, rings, settings, here, self._worth_walking)
         if lap:
             self.strokes += [replace(stroke, between=settings.finish) for stroke in last]
@@ -224,18 +232,16 @@ class AdaptivePocket:
         most = settings.longest_walk + settings.link_speed * float(np.hypot(*(end - start)))
         return way if way is not None and way.length <= most else None
 
-    def _corners(self, pieces: list[FloatArray]) -> list[tuple[int, int]]:
+    def _corners(self, pieces: list[Front]) -> list[tuple[int, int]]:
         """Stretches of the walls where more is left than the last lap takes over all depths.
 
         First and last samples of each, for the given edges of what is left.
         """
         near = np.zeros(len(self._walls.points), dtype=bool)
         for short, allowance in ((False, ALLOWANCE), (True, CUSP)):
-            left = [it for it in pieces if (length(it) <= SHORTEST * self._radius) == short]
-            if left:
-                bound = self._radius * (1 - allowance)
-                tree = cKDTree(np.concatenate(left))
-                near |= np.isfinite(tree.query(self._walls.points, distance_upper_bound=bound)[0])
+            for it in pieces:
+                if (it.length <= SHORTEST * self._radius) == short:
+                    near[self._walls.touched(it, self._radius * (1 - allowance))] = True
         if not near.any():
             return []
         return self._walls.stretches(near, BESIDE)
@@ -279,15 +285,16 @@ class AdaptivePocket:
         if not self._settings.finish:
             return place, heading
         near = 3 * self._radius
-        pieces = [it for it in self._left if np.hypot(*(it - place).T).min() <= near]
+        around = Fronts(self._left).near(box(place[None]), near)
+        pieces = [self._left[number] for number in around]
+        pieces = [it for it in pieces if np.hypot(*(it.points - place).T).min() <= near]
         if not pieces:
             return place, heading
-        stock = cKDTree(np.concatenate(self._fronts))
+        stock = Fronts(self._fronts)
         alone = []
         for low, high in self._corners(pieces):
             stretch = self._walls.ahead(low, self._walls.steps(low, high) + 1)
-            gap = stock.query(self._walls.points[stretch])[0]
-            if gap.min() > self._radius:
+            if not stock.within(self._walls.points[stretch], self._radius).any():
                 alone.append((low, high))
         place, heading, _ = self._cut_corners(alone, place, heading, False)
         return place, heading
@@ -297,7 +304,7 @@ class AdaptivePocket:
         tree = cKDTree(centres)
         bound, gap = self._radius * (1 - GRAZE), 4 * self._step
         self._cleared.add(centres)
-        self._left = [part for piece in self._left for part in _outside(piece, tree, bound, gap)]
+        self._left = [part for parts in outside(self._left, tree, bound, gap) for part in parts]
 
     def _beyond(self) -> tuple[FloatArray, float] | None:
         """Where to enter again, and the room there: behind necks too narrow for a cut at the limit.
@@ -338,17 +345,17 @@ class AdaptivePocket:
             # the walls break the front at once: begun where one does, its parts are whole
             turn = int(np.argmin(stock))
             chain, stock = np.roll(front[:-1], -turn, axis=0), np.roll(stock[:-1], -turn)
-            self._fronts = runs(chain, stock, 4 * self._step)
+            self._fronts = [Front(part) for part in runs(chain, stock, 4 * self._step)]
             self._returns.update(self._fronts, self._left)
             return start, float(np.arctan2(outwards[1], outwards[0]) + np.pi / 2)
         cut = self._senses[0].spiral(front, self._tail)
-        if cut.path is None:
+        if cut.begin is None:
             raise PlanningError(
                 "no cut fits round the helix",
                 place=(float(self.peak[0]), float(self.peak[1])),
                 remedy="take a smaller tool or strategy offset",
             )
-        return self._take(cut, cut.path, self._senses[0], [front], start)
+        return self._take(cut, self._senses[0], [Front(front)], start)
 
     def _middle(self) -> tuple[FloatArray, float]:
         """Where clearing begins, and the room there: the most there is, if it pays amid the pocket.
@@ -386,8 +393,8 @@ class AdaptivePocket:
         (index, sense), start = ways[chosen], starts[chosen]
         front = self._fronts[index]
         remaining = self._fronts[:index] + self._fronts[index + 1 :]
-        cut = sense.cut(front, start, remaining)
-        if cut.path is None:
+        cut = sense.cut(front.points, start, Fronts(remaining).within)
+        if cut.begin is None:
             # nothing to cut that a sample tells from nothing: the wall pass takes it
             self._left.append(self._fronts.pop(index))
             return place, heading
@@ -401,7 +408,7 @@ class AdaptivePocket:
                 self._left.append(self._fronts.pop(index))
                 return place, heading
             place = self._land(place, landing, start)
-        return self._take(cut, cut.path, sense, [front, *remaining], place)
+        return self._take(cut, sense, [front, *remaining], place)
 
     def _landing(self, place: FloatArray, start: Start) -> FloatArray | None:
         """Where the tool is or can come down, with a straight way to the start of a cut.
@@ -440,75 +447,97 @@ class AdaptivePocket:
         order = [int(index) for index in np.argsort(gaps, kind="stable")]
         if gaps[order[0]] <= 1e-9:
             return order[0], None
-        for far in (False, True):
-            for index in order[:LINK_TRIES]:
-                link = self._returns.way(place, heading, starts[index], far, smooth)
-                if link is not None:
-                    return index, link
+        for index in order[:LINK_TRIES]:
+            link = self._returns.direct(place, heading, starts[index], smooth)
+            if link is not None:
+                return index, link
+        for index in order[:LINK_TRIES]:
+            link = self._returns.over_map(place, starts[index])
+            if link is not None:
+                return index, link
         return order[0], None
 
-    def _start(self, front: FloatArray, sense: Sense) -> Start:
-        key = (id(front), sense.against)
-        known = self._starts.get(key)
-        if known is None or known[0] is not front:
-            known = (front, sense.start(front, self._settings.wall, self._returns.free))
-            self._starts[key] = known
-        return known[1]
+    def _start(self, front: Front, sense: Sense) -> Start:
+        known = self._starts.get((front, sense))
+        if known is None:
+            known = sense.start(front.points, self._settings.wall, self._returns.free)
+            self._starts[front, sense] = known
+        return known
 
     def _stroke(self, kind: StrokeKind, path: Path, role: Role, air: bool = False) -> None:
         steady = role is Role.CUT
-        self.strokes.append(Stroke(kind, self._walls.path(path), role, air, steady=steady))
+        self._steps.append(Stroke(kind, self._walls.path(path), role, air, steady=steady))
+
+    def _written(self) -> list[Stroke]:
+        """All steps as strokes: cuts become lines and arcs all at once."""
+        paths = {sense: iter(sense.paths(cuts)) for sense, cuts in self._cuts.items()}
+        strokes = []
+        for step in self._steps:
+            if isinstance(step, Sense):
+                path = self._walls.path(next(paths[step]))
+                step = Stroke(StrokeKind.FEED, path, Role.CUT, steady=True)
+            strokes.append(step)
+        return strokes
 
     def _take(
-        self, cut: Cut, path: Path, sense: Sense, fronts: list[FloatArray], place: FloatArray
+        self, cut: Cut, sense: Sense, fronts: list[Front], place: FloatArray
     ) -> tuple[FloatArray, float]:
         """Write a cut and bring cleared area and fronts up to date; the first front was cut."""
-        self._length += path.length
-        way = straight(place, path.start)
+        self._length += length(cut.points)
+        way = None if cut.begin is None else straight(place, cut.begin)
         if way is not None:
             self._stroke(StrokeKind.FEED, way, Role.CUT)
-        self._stroke(StrokeKind.FEED, path, Role.CUT)
+        self._steps.append(sense)
+        self._cuts[sense].append(cut)
         swept = densified(cut.points, self._step)
         tree = cKDTree(swept)
         new = self._new_fronts(cut, sense, tree)
         bound, gap = self._radius * (1 - GRAZE), 4 * self._step
-        kept = [part for front in fronts for part in _outside(front, tree, bound, gap)]
+        kept = [part for parts in outside(fronts, tree, bound, gap) for part in parts]
         self._cleared.add(swept)
-        whole: list[FloatArray] = []
-        short: list[FloatArray] = []
+        whole: list[Front] = []
+        short: list[Front] = []
         for front in kept + new:
-            long = len(front) > 2 and length(front) > SHORTEST * self._radius
+            long = len(front) > 2 and front.length > SHORTEST * self._radius
             (whole if long and not self._thin(front) else short).append(front)
-        self._left = [part for piece in self._left for part in _outside(piece, tree, bound, gap)]
+        self._left = [part for parts in outside(self._left, tree, bound, gap) for part in parts]
         self._left += short
         self._fronts = joined(whole, self._radius, self._step, self._walls.clearance)
         self._advance(fronts[0], sense)
         self._returns.update(self._fronts, self._left)
-        known = {id(front) for front in self._fronts}
+        known = set(self._fronts)
         self._starts = {key: value for key, value in self._starts.items() if key[0] in known}
+        self._spare = {key: value for key, value in self._spare.items() if key in known}
         return cut.points[-1], float(cut.heading[-1])
 
-    def _advance(self, front: FloatArray, sense: Sense) -> None:
+    def _advance(self, front: Front, sense: Sense) -> None:
         """Where a cut has left its front as it was, try the rest without its head from now on.
 
         No cut begins at a head that folds back.
         """
-        near = self._step / 2
+        near, ends = self._step / 2, front.points[[0, -1]]
         for index, other in enumerate(self._fronts):
-            gaps = np.hypot(*(other[[0, -1]] - front[[0, -1]]).T)
-            if gaps.max() < near and abs(length(other) - length(front)) < 2 * near:
-                head, rest = other[: HEAD + 2], other[HEAD:]
+            if abs(other.length - front.length) >= 2 * near:
+                continue
+            if np.hypot(*(other.points[[0, -1]] - ends).T).max() < near:
+                head, rest = other.points[: HEAD + 2], other.points[HEAD:]
                 if sense.against:
-                    head, rest = other[-HEAD - 2 :], other[:-HEAD]
-                self._left.append(head)
-                self._fronts[index : index + 1] = [rest] if len(rest) > 2 else []
+                    head, rest = other.points[-HEAD - 2 :], other.points[:-HEAD]
+                self._left.append(Front(head))
+                self._fronts[index : index + 1] = [Front(rest)] if len(rest) > 2 else []
                 return
 
-    def _thin(self, front: FloatArray) -> bool:
+    def _thin(self, front: Front) -> bool:
         """Whether what is behind a front can be left to the last lap round the wall."""
-        # a few places tell nearly always
-        few = front[:: max(1, len(front) // 8)]
-        return bool(self._spared(few, ALLOWANCE).all() and self._spared(front, ALLOWANCE).all())
+        known = self._spare.get(front)
+        if known is None:
+            # a few places tell nearly always
+            few = front.points[:: max(1, len(front) // 8)]
+            known = bool(
+                self._spared(few, ALLOWANCE).all() and self._spared(front.points, ALLOWANCE).all()
+            )
+            self._spare[front] = known
+        return known
 
     def _tail(self, front: FloatArray) -> int:
         """How many last points of a front are so near to the wall that the last lap takes them."""
@@ -530,7 +559,7 @@ class AdaptivePocket:
             near[rows] = self._walls.clearance(places[rows]) <= most
         return np.asarray(near)
 
-    def _new_fronts(self, cut: Cut, sense: Sense, own: cKDTree) -> list[FloatArray]:
+    def _new_fronts(self, cut: Cut, sense: Sense, own: cKDTree) -> list[Front]:
         """Edges of the stock that a cut leaves, the rim about its end included."""
         edge, piece = sense.edge(cut.points, self._rimmed)
         last = len(cut.room) - 1
@@ -546,7 +575,7 @@ class AdaptivePocket:
         rows = rows[np.minimum(low[rows], high[rows]) < skin]
         if len(rows):
             stock[rows] = self._walls.clearance(edge[rows]) > skin
-        return runs(edge, stock, 4 * self._step)
+        return [Front(part) for part in runs(edge, stock, 4 * self._step)]
 
     def _rimmed(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
         """Right edge of what is swept, with the rim before and after; -1 and the last are these."""
@@ -560,15 +589,3 @@ class AdaptivePocket:
         ]
         owner = [np.full(len(before), -1), piece, np.full(len(after), len(points) - 1)]
         return np.concatenate([rims[0], edge, rims[1]]), np.concatenate(owner)
-
-
-def _outside(chain: FloatArray, centres: cKDTree, radius: float, gap: float) -> list[FloatArray]:
-    """Parts of a chain outside all disks about some centres; the chain itself if it is untouched.
-
-    Its points are no more than `gap` mm apart.
-    """
-    low, high = centres.mins - radius, centres.maxes + radius
-    if np.any(chain.max(axis=0) < low) or np.any(chain.min(axis=0) > high):
-        return [chain]
-    outside = np.isinf(centres.query(chain, distance_upper_bound=radius)[0])
-    return [chain] if outside.all() else runs(chain, outside, gap)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,6 +42,103 @@ FOLD = 2.5
 
 Clearances = Callable[[FloatArray], FloatArray]
 """Distance of points (n, 2) from the walls, (n,) mm."""
+
+Box = tuple[float, float, float, float]
+"""Least x and y, largest x and y, mm."""
+
+
+class Front:
+    """An edge of the stock; it does not change, and what is asked of it again is kept.
+
+    Attributes
+    ----------
+    points : (n, 2) float array
+        At least one, the stock on the right of their direction, mm.
+    """
+
+    def __init__(self, points: FloatArray) -> None:
+        self.points = points
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @cached_property
+    def box(self) -> Box:
+        """Box of its points."""
+        return box(self.points)
+
+    @cached_property
+    def head(self) -> Box:
+        """Box of the points beside which another front may end to be continued."""
+        return box(self.points[:HEAD])
+
+    @cached_property
+    def length(self) -> float:
+        """Length, mm."""
+        return length(self.points)
+
+    @cached_property
+    def leave(self) -> float:
+        """Direction in which it ends, radians."""
+        return _direction(self.points[-4:])
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """Of its points."""
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.points, compact_nodes=False, balanced_tree=False)
+
+
+class Fronts:
+    """Edges of the stock and their boxes, so that only those near a place are looked at.
+
+    Attributes
+    ----------
+    items : tuple of Front
+    """
+
+    def __init__(self, fronts: Sequence[Front] = ()) -> None:
+        self.items = tuple(fronts)
+        self._boxes = np.array([front.box for front in self.items]).reshape(-1, 4)
+
+    def near(self, around: Box, reach: float) -> list[int]:
+        """Numbers of those whose boxes come within `reach` mm of a box."""
+        return _overlapping(self._boxes, around, reach)
+
+    def within(self, places: FloatArray, reach: float) -> BoolArray:
+        """(n,) which places have a point of one of them nearer than `reach` mm."""
+        result = np.zeros(len(places), dtype=bool)
+        if not len(places):
+            return result
+        for number in self.near(box(places), reach):
+            gap = self.items[number].tree.query(places, distance_upper_bound=reach)[0]
+            result |= gap < np.inf
+        return result
+
+
+def box(points: FloatArray) -> Box:
+    """Least x and y, largest x and y of points (n, 2), mm."""
+    x, y = points[:, 0], points[:, 1]
+    return float(x.min()), float(y.min()), float(x.max()), float(y.max())
+
+
+def _overlapping(boxes: FloatArray, around: Box, reach: float) -> list[int]:
+    """Rows of boxes (n, 4) that come within `reach` mm of a box."""
+    left, low, right, high = around
+    apart = (boxes[:, 2] < left - reach) | (boxes[:, 0] > right + reach)
+    apart |= (boxes[:, 3] < low - reach) | (boxes[:, 1] > high + reach)
+    return [int(row) for row in (~apart).nonzero()[0]]
+
+
+def touched(places: FloatArray, front: Front, reach: float) -> IntArray:
+    """Rows of the places that have a point of a front nearer than `reach`."""
+    left, low, right, high = front.box
+    x, y = places[:, 0], places[:, 1]
+    around = (x > left - reach) & (x < right + reach) & (y > low - reach) & (y < high + reach)
+    rows = around.nonzero()[0]
+    gap = front.tree.query(places[rows], distance_upper_bound=reach)[0]
+    return np.asarray(rows[gap < np.inf])
 
 
 class Disks:
@@ -147,9 +245,29 @@ def length(chain: FloatArray) -> float:
     return float(np.hypot(*np.diff(chain, axis=0).T).sum())
 
 
+def outside(
+    fronts: Sequence[Front], centres: cKDTree, radius: float, gap: float
+) -> list[list[Front]]:
+    """Parts of each front outside all disks about some centres; untouched ones are themselves.
+
+    Their points are no more than `gap` mm apart.
+    """
+    parts = [[front] for front in fronts]
+    low, high = centres.mins.tolist(), centres.maxes.tolist()
+    for number in Fronts(fronts).near((*low, *high), radius):
+        chain = fronts[number].points
+        free = np.isinf(centres.query(chain, distance_upper_bound=radius)[0])
+        if not free.all():
+            parts[number] = [Front(part) for part in runs(chain, free, gap)]
+    return parts
+
+
 def joined(
-    fronts: Sequence[FloatArray], radius: float, step: float, clearance: Clearances
-) -> list[FloatArray]:
+    fronts: Sequence[Front],
+    radius: float,
+    step: float,
+    clearance: Clearances,
+) -> list[Front]:
     """Fronts with those made one that continue each other without a sharp jut of stock.
 
     One continues another if it starts near its end, or runs along it there. A front that ends at
@@ -162,47 +280,64 @@ def joined(
         if best is None:
             break
         one, two, skip = best
-        chain = np.concatenate(
-            [
-                chains[one][:-1],
-                densified(np.stack([chains[one][-1], chains[two][skip]]), step),
-                chains[two][skip + 1 :],
-            ]
-        )
+        before, after = chains[one].points, chains[two].points
+        between = densified(np.stack([before[-1], after[skip]]), step)
+        chain = np.concatenate([before[:-1], between, after[skip + 1 :]])
         chains = [item for index, item in enumerate(chains) if index not in (one, two)]
-        chains.append(chain)
+        chains.append(Front(chain))
     return chains
 
 
 def _continuation(
-    chains: list[FloatArray], radius: float, clearance: Clearances
+    chains: list[Front],
+    radius: float,
+    clearance: Clearances,
 ) -> tuple[int, int, int] | None:
     """The pair of chains that fits best, and the point of the second at which it goes on."""
-    last = np.array([chain[-1] for chain in chains])
-    head = np.stack([chain[np.minimum(np.arange(HEAD), len(chain) - 3)] for chain in chains])
-    gap = np.hypot(*(last[:, None, None] - head[None]).transpose(3, 0, 1, 2))
-    gap[np.arange(len(chains)), np.arange(len(chains))] = np.inf
-    start, along = gap[:, :, 0], gap.min(axis=2)
-    skip = np.where(along <= 4 * GRAZE * radius, gap.argmin(axis=2), 0)
-    cost = np.where(skip > 0, along, np.where(start <= JOIN_GAP * radius, start, np.inf))
-    if not np.isfinite(cost).any():
+    found = _neighbours(chains, radius)
+    if not found:
         return None
-    walled = clearance(last) < AT_WALL * radius
-    cost[walled[:, None] & (skip == 0)] = np.inf
-    leave = np.array([_direction(chain[-4:]) for chain in chains])
-    for flat in np.argsort(cost, axis=None, kind="stable"):
-        one, two = divmod(int(flat), len(chains))
-        if not np.isfinite(cost[one, two]):
-            return None
-        at = int(skip[one, two])
+    ends = np.array([chains[one].points[-1] for _, one, _, _ in found])
+    walled = clearance(ends) < AT_WALL * radius
+    for (_, one, two, skip), at_wall in zip(found, walled.tolist(), strict=True):
+        if at_wall and skip == 0:
+            continue
+        before, after = chains[one], chains[two].points
+        at = skip
         if at == 0:
             # what runs back beside the end of the first is left out
-            ahead = (chains[two][:8] - chains[one][-1]) @ unit(float(leave[one]))
-            at = min(int(np.argmax(np.append(ahead > 0, True))), len(chains[two]) - 2)
-        turn = wrapped(_direction(chains[two][at : at + 4]) - leave[one])
+            ahead = (after[:8] - before.points[-1]) @ unit(before.leave)
+            at = min(int(np.argmax(np.append(ahead > 0, True))), len(after) - 2)
+        turn = float(wrapped(np.array(_direction(after[at : at + 4]) - before.leave)))
         if -JOIN_RIGHT <= turn <= JOIN_LEFT:
             return one, two, at
     return None
+
+
+def _neighbours(chains: list[Front], radius: float) -> list[tuple[float, int, int, int]]:
+    """Pairs of chains of which the second begins near the end of the first, the nearest first.
+
+    Distance, numbers of both, and the point of the second at which it goes on beside the first, or
+    0 where it begins there.
+    """
+    heads = np.array([chain.head for chain in chains])
+    last = np.array([chain.points[-1] for chain in chains])
+    reach = JOIN_GAP * radius
+    apart = (heads[:, 2] < last[:, :1] - reach) | (heads[:, 0] > last[:, :1] + reach)
+    apart |= (heads[:, 3] < last[:, 1:] - reach) | (heads[:, 1] > last[:, 1:] + reach)
+    found = []
+    for one, two in np.argwhere(~apart).tolist():
+        if one == two:
+            continue
+        chain = chains[two].points
+        head = chain[: min(HEAD, len(chain) - 2)] - last[one]
+        gap = np.hypot(head[:, 0], head[:, 1])
+        nearest = int(gap.argmin())
+        if nearest and gap[nearest] <= 4 * GRAZE * radius:
+            found.append((float(gap[nearest]), one, two, nearest))
+        elif gap[0] <= reach:
+            found.append((float(gap[0]), one, two, 0))
+    return sorted(found)
 
 
 def _direction(points: FloatArray) -> float:

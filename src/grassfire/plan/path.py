@@ -132,13 +132,8 @@ class Path:
         exact = begin + (end - begin) * fraction[..., None]
         arc = self.is_arc[piece]
         if arc.any():
-            angle, centre = self.sweep[piece] * fraction, self.centre[piece]
-            offset = begin - centre
-            cos, sin = np.cos(angle), np.sin(angle)
-            turned = np.empty_like(offset)
-            turned[..., 0] = cos * offset[..., 0] - sin * offset[..., 1]
-            turned[..., 1] = sin * offset[..., 0] + cos * offset[..., 1]
-            exact[arc] = (centre + turned)[arc]
+            angle = self.sweep[piece] * fraction
+            exact[arc] = turned(begin, self.centre[piece], angle)[arc]
         done = fraction >= 1.0
         if done.any():
             exact[done] = end[done]
@@ -242,6 +237,16 @@ class Path:
         from scipy.spatial import cKDTree
 
         return cKDTree(self.sampled[0])
+
+
+def turned(points: FloatArray, centre: FloatArray, angle: FloatArray) -> FloatArray:
+    """(..., 2) points turned about centres by angles (...,), counter-clockwise."""
+    offset = points - centre
+    cos, sin = np.cos(angle), np.sin(angle)
+    result = np.empty_like(offset)
+    result[..., 0] = cos * offset[..., 0] - sin * offset[..., 1]
+    result[..., 1] = sin * offset[..., 0] + cos * offset[..., 1]
+    return np.asarray(centre + result)
 
 
 class Pieces:

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from grassfire.medial import MedialAxis
+from grassfire.plan.fronts import Front, Fronts, touched
 from grassfire.plan.link import straight
-from grassfire.plan.path import BoolArray, Path, join
+from grassfire.plan.path import BoolArray, IntArray, Path, join, turned
 from grassfire.plan.roadmap import RoadMap
 from grassfire.plan.smooth import rounded, tangent_link
 from grassfire.plan.tracing import Start
@@ -32,6 +32,9 @@ AROUND, WALL_GAP = 1.5, 0.1
 PROBE, ARC_PROBE = 0.1, 0.015
 """Distance of the places that are looked at on straight ways and arcs, in tool radii."""
 
+SLACK = 1e-3
+"""How much nearer to the wall than the walls of the pocket places may be, mm."""
+
 MAP_STEP = 2.0
 """Distance of the places of the road map, as a part of the tool radius."""
 
@@ -52,15 +55,12 @@ class Returns:
         self._walls = walls
         self._wall = wall
         self._radius = radius
-        self._stock: list[tuple[cKDTree, float]] = []
+        self._stock: list[tuple[Fronts, float]] = []
+        self._near_map: dict[tuple[Front, float], IntArray] = {}
 
-    def update(self, fronts: Sequence[FloatArray], left: Sequence[FloatArray] = ()) -> None:
+    def update(self, fronts: Sequence[Front], left: Sequence[Front] = ()) -> None:
         """Take note of the edges of the stock and of slivers that are left, in the frame."""
-        self._stock = [
-            (cKDTree(self._walls.frame(np.concatenate(edges)), balanced_tree=False), room)
-            for edges, room in ((fronts, ROOM), (left, SLIVER))
-            if edges
-        ]
+        self._stock = [(Fronts(fronts), ROOM), (Fronts(left), SLIVER)]
 
     def way(
         self, place: FloatArray, heading: float, start: Start, far: bool, smooth: bool = True
@@ -70,18 +70,35 @@ class Returns:
         Smooth at both ends where there is room, if `smooth`; `far` says whether ways over the road
         map are looked for as well. None where there is none.
         """
-        for part in RADII if smooth else ():
-            way = tangent_link(place, heading, start.point, start.heading, part * self._radius)
-            if way is not None and self._clear_path(way):
-                return way
-        way = straight(place, start.point)
-        if way is None or self._clear_path(way):
-            return way
+        found = self.direct(place, heading, start, smooth)
+        if found is not None or not far or straight(place, start.point) is None:
+            return found
+        return self.over_map(place, start)
+
+    def direct(
+        self, place: FloatArray, heading: float, start: Start, smooth: bool = True
+    ) -> Path | None:
+        """As `way`: of arcs and a straight piece between, straight, or along the wall."""
+        ways = [
+            tangent_link(place, heading, start.point, start.heading, part * self._radius)
+            for part in (RADII if smooth else ())
+        ]
+        line = straight(place, start.point)
+        found = [way for way in (*ways, line) if way is not None]
+        chosen = self._first_clear(found) if found else None
+        if chosen is not None or line is None:
+            return chosen
         beside = self._beside(place, start.point)
-        if beside is not None and self._clear_path(beside):
-            return beside
-        if not far:
-            return None
+        return None if beside is None else self._first_clear([beside])
+
+    def _first_clear(self, ways: Sequence[Path]) -> Path | None:
+        """The first way of the frame that touches neither wall nor stock."""
+        places, first = self._probes(ways)
+        clear = np.logical_and.reduceat(self._clear(places), first)
+        return ways[int(clear.argmax())] if clear.any() else None
+
+    def over_map(self, place: FloatArray, start: Start) -> Path | None:
+        """As `way`: over the road map."""
         ends = self._walls.frame(np.stack([place, start.point]))
         found = self.across(ends[0], ends[1])
         return None if found is None else self._walls.path(found)
@@ -92,31 +109,33 @@ class Returns:
         low, high = walls.nearest(place), walls.nearest(end)
         if walls.first[low] != walls.first[high]:
             return None
+        gaps = [np.hypot(*(walls.points[low] - place)), np.hypot(*(walls.points[high] - end))]
         back = walls.size(high, low) < walls.size(low, high)
+        size = walls.size(high, low) if back else walls.size(low, high)
+        far = size > AROUND * float(np.hypot(*(end - place)))
+        if max(gaps) > WALL_GAP * self._radius or far:
+            return None
         ring = walls.slice(high, low) if back else walls.slice(low, high)
-        if ring is None or ring.length > AROUND * float(np.hypot(*(end - place))):
+        if ring is None:
             return None
         way = ring.reversed() if back else ring
-        gaps = [np.hypot(*(way.start - place)), np.hypot(*(way.end - end))]
-        if max(gaps) > WALL_GAP * self._radius:
-            return None
         ends = (straight(place, way.start), way, straight(way.end, end))
         return join(*(part for part in ends if part is not None))
 
     def across(self, start: FloatArray, end: FloatArray) -> Path | None:
         """A way over the road map between two places, all in the drawing, its corners rounded."""
-        found = self.map.way(start, end, self, self._clear(self.map.points))
+        found = self.map.way(start, end, self, self._open_map())
         if found is None:
             return None
-        for part in RADII:
-            smooth = rounded(found, part * self._radius)
-            if self._clear(self._probes(smooth)).all():
-                return smooth
-        return found
+        ways = [rounded(found, part * self._radius) for part in RADII]
+        places, first = self._probes(ways)
+        clear = np.logical_and.reduceat(self._clear(self._walls.frame(places)), first)
+        return ways[int(clear.argmax())] if clear.any() else found
 
     def free(self, places: FloatArray) -> BoolArray:
-        """Where on a way (in the frame) the tool touches neither wall nor stock."""
-        return self._clear(self._walls.frame(places))
+        """Where in the frame the tool touches neither wall nor stock; places need be on no way."""
+        inside = self._walls.clearance(places) - self._wall >= -SLACK
+        return self._unstocked(places, np.asarray(inside), ROOM)
 
     def holds(
         self,
@@ -137,7 +156,7 @@ class Returns:
         share = (np.arange(len(owner)) - first) / (count[owner] - 1)
         places = starts[owner] + (ends - starts)[owner] * share[:, None]
         held = np.ones(len(gap), dtype=bool)
-        held[owner[~self._clear(places, bite)]] = False
+        held[owner[~self._clear(self._walls.frame(places), bite)]] = False
         return held
 
     @cached_property
@@ -145,27 +164,65 @@ class Returns:
         """The medial axis of all places of the tool."""
         return RoadMap(self._axis, self._wall, MAP_STEP * self._radius)
 
-    def _clear_path(self, way: Path) -> bool:
-        places = self._walls.frame(self._probes(way))
-        return bool(self._clear(places).all())
+    @cached_property
+    def _places(self) -> tuple[FloatArray, BoolArray]:
+        """Places of the map in the frame, and if the walls leave room to the tool there."""
+        places = self._walls.frame(self.map.points)
+        return places, self._roomy(places)
 
-    def _probes(self, way: Path) -> FloatArray:
-        """Places on a way, closer together on arcs: one that turns at a wall may dip into it."""
-        step = np.where(way.is_arc, ARC_PROBE, PROBE) * self._radius
-        count = np.maximum(1, np.ceil(way.lengths / step)).astype(np.int64)
-        piece = np.repeat(np.arange(len(way)), count)
-        first = np.repeat(np.cumsum(count) - count, count)
-        share = (np.arange(len(piece)) - first) / count[piece]
-        along = way.cumulative[piece] + share * way.lengths[piece]
-        return way.at(np.append(along, way.length))
+    def _open_map(self) -> BoolArray:
+        """(n,) where on the map the tool touches neither wall nor stock."""
+        places, roomy = self._places
+        known, self._near_map = self._near_map, {}
+        result = roomy.copy()
+        for edges, least in self._stock:
+            for front in edges.items:
+                rows = known.get((front, least))
+                if rows is None:
+                    rows = touched(places, front, self._radius * (1 - least))
+                self._near_map[front, least] = rows
+                result[rows] = False
+        return result
+
+    def _probes(self, ways: Sequence[Path]) -> tuple[FloatArray, IntArray]:
+        """Places on ways, both ends among them, and the first one of each way.
+
+        They are closer together on arcs: one that turns at a wall may dip into it.
+        """
+        size = np.concatenate([way.lengths for way in ways])
+        begin = np.concatenate([way.points[:-1] for way in ways])
+        end = np.concatenate([way.points[1:] for way in ways])
+        centre = np.concatenate([way.centre for way in ways])
+        sweep = np.concatenate([way.sweep for way in ways])
+        step = np.where(sweep == 0.0, PROBE, ARC_PROBE) * self._radius
+        parts = np.maximum(1, np.ceil(size / step)).astype(np.int64)
+        piece = np.array([len(way) for way in ways]).cumsum()
+        count = parts.copy()
+        count[piece - 1] += 1
+        stop = count.cumsum()
+        owner = np.arange(len(count)).repeat(count)
+        share = (np.arange(stop[-1]) - (stop - count)[owner]) / parts[owner]
+        places = begin[owner] + (end - begin)[owner] * share[:, None]
+        rows = (sweep != 0.0)[owner].nonzero()[0]
+        if len(rows):
+            arc = owner[rows]
+            places[rows] = turned(begin[arc], centre[arc], sweep[arc] * share[rows])
+        first = np.zeros(len(ways), dtype=np.int64)
+        first[1:] = stop[piece[:-1] - 1]
+        return places, first
 
     def _clear(self, places: FloatArray, bite: float = ROOM) -> BoolArray:
-        """Where on ways in the drawing the tool touches neither wall nor stock."""
-        good = np.asarray(self._walls.room(self._walls.frame(places)) >= -1e-3)
-        for tree, least in self._stock:
-            rows = np.flatnonzero(good)
-            if len(rows):
-                near = self._radius * (1 - max(bite, least))
-                gap = tree.query(places[rows], distance_upper_bound=near)[0]
-                good[rows[np.isfinite(gap)]] = False
+        """Where on ways in the frame the tool touches neither wall nor stock."""
+        return self._unstocked(places, self._roomy(places), bite)
+
+    def _unstocked(self, places: FloatArray, good: BoolArray, bite: float) -> BoolArray:
+        """Good places where the tool does not touch stock either."""
+        for edges, least in self._stock:
+            rows = good.nonzero()[0]
+            touched = edges.within(places[rows], self._radius * (1 - max(bite, least)))
+            good[rows[touched]] = False
         return good
+
+    def _roomy(self, places: FloatArray) -> BoolArray:
+        """Where on ways in the frame the walls leave room to the tool."""
+        return np.asarray(self._walls.room(places) >= -SLACK)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from grassfire.plan.path import BoolArray, IntArray, Path
-from grassfire.plan.tracing import Piece, Start, Tracer
+from grassfire.plan.tracing import Near, Piece, Start, Tracer
 from grassfire.plan.walls import mirrored, mirrored_path
 from grassfire.toolpath import FloatArray
 
@@ -18,8 +18,10 @@ class Cut(NamedTuple):
 
     Attributes
     ----------
-    path : Path or None
-        As it is machined; None without length.
+    pieces : list of Piece
+        In the frame of its tracer.
+    begin : (2,) float array or None
+        Where it begins, mm; None without length.
     points : (n, 2) float array
         Samples of it, mm.
     heading : (n,) float array
@@ -28,7 +30,8 @@ class Cut(NamedTuple):
         Clearance beyond that of the wall, mm.
     """
 
-    path: Path | None
+    pieces: list[Piece]
+    begin: FloatArray | None
     points: FloatArray
     heading: FloatArray
     room: FloatArray
@@ -65,12 +68,22 @@ class Sense:
         """From a closed front outwards: see `Tracer.spiral`; only in the direction of fronts."""
         return self._cut(self._tracer.spiral(front, tail))
 
-    def cut(self, front: FloatArray, start: Start, others: Sequence[FloatArray]) -> Cut:
+    def cut(self, front: FloatArray, start: Start, others: Near) -> Cut:
         """Along an open front from its start, or from its end backwards, among others."""
         if not self.against:
             return self._cut(self._tracer.cut(front, start, others))
-        images = [mirrored(other) for other in others]
-        return self._cut(self._tracer.cut(_image(front), _reflected(start), images))
+        return self._cut(
+            self._tracer.cut(
+                _image(front),
+                _reflected(start),
+                lambda places, reach: others(mirrored(places), reach),
+            )
+        )
+
+    def paths(self, cuts: Sequence[Cut]) -> list[Path]:
+        """Cuts that have a length, as they are machined."""
+        paths = self._tracer.paths([cut.pieces for cut in cuts])
+        return [mirrored_path(path) for path in paths] if self.against else paths
 
     def edge(
         self, points: FloatArray, swept: Callable[[FloatArray], tuple[FloatArray, IntArray]]
@@ -85,16 +98,16 @@ class Sense:
         return _image(edge), piece[::-1]
 
     def _cut(self, pieces: list[Piece]) -> Cut:
-        path = self._tracer.path(pieces)
+        begin = self._tracer.begin(pieces)
         if not pieces:
-            return Cut(path, np.zeros((0, 2)), np.zeros(0), np.zeros(0))
+            return Cut(pieces, begin, np.zeros((0, 2)), np.zeros(0), np.zeros(0))
         points = np.concatenate([piece.points for piece in pieces])
         heading = np.concatenate([piece.heading for piece in pieces])
         room = np.concatenate([piece.room for piece in pieces])
         if not self.against:
-            return Cut(path, points, heading, room)
-        image = None if path is None else mirrored_path(path)
-        return Cut(image, mirrored(points), -heading, room)
+            return Cut(pieces, begin, points, heading, room)
+        image = None if begin is None else mirrored(begin)
+        return Cut(pieces, image, mirrored(points), -heading, room)
 
 
 def _image(chain: FloatArray) -> FloatArray:

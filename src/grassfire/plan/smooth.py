@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 
-from grassfire.plan.path import Path
+from grassfire.plan.path import IntArray, Path
 from grassfire.plan.pursuit import unit, wrapped
 from grassfire.toolpath import FloatArray
 
 LARGEST_RADIUS = 1e4
 """Arcs of a larger radius become lines, mm; their sagitta is far below any tolerance."""
+
+_NOWHERE = math.nan, math.nan
 
 
 def _biarcs(
@@ -43,20 +48,19 @@ def _centres(begin: FloatArray, end: FloatArray, turn: FloatArray) -> FloatArray
     return np.asarray((begin + end + normal * cot[:, None]) / 2)
 
 
-def fit(points: FloatArray, headings: FloatArray, tolerance: FloatArray) -> Path:
-    """Lines and arcs through samples of a smooth curve, tangent-continuous.
+Samples = tuple[FloatArray, FloatArray, FloatArray]
+"""Of a smooth curve: at least two points (n, 2), mm; headings (n,) there, radians; and how far
+they may lie from a path through them (n,), mm."""
 
-    Parameters
-    ----------
-    points : (n, 2) float array
-        At least two, mm.
-    headings : (n,) float array
-        Direction of travel at each, radians.
-    tolerance : (n,) float array
-        How far samples may lie from the path, mm.
-    """
-    low, high = np.array([0]), np.array([len(points) - 1])
-    done: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
+
+def fits(curves: Sequence[Samples]) -> list[Path]:
+    """Lines and arcs through samples of smooth curves, tangent-continuous; a path for each."""
+    if not curves:
+        return []
+    points, headings, tolerance = (np.concatenate(column) for column in zip(*curves, strict=True))
+    stop = np.array([len(curve[0]) for curve in curves]).cumsum()
+    low, high = np.append(0, stop[:-1]), stop - 1
+    done: list[tuple[IntArray, IntArray, FloatArray, FloatArray]] = []
     while len(low):
         joint, turn = _biarcs(points[low], points[high], headings[low], headings[high])
         error = _deviation(points, tolerance, low, high, joint, turn)
@@ -67,7 +71,9 @@ def fit(points: FloatArray, headings: FloatArray, tolerance: FloatArray) -> Path
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
     first, last, joints, turns = (np.concatenate(column) for column in zip(*done, strict=True))
     order = np.argsort(first)
-    return _as_path(points[first[order]], joints[order], points[last[order]], turns[order])
+    first, last = first[order], last[order]
+    count = np.diff(np.searchsorted(first, np.append(0, stop)))
+    return _as_paths(points[first], joints[order], points[last], turns[order], count)
 
 
 def _deviation(
@@ -103,18 +109,30 @@ def _deviation(
     return result
 
 
-def _as_path(begin: FloatArray, joint: FloatArray, end: FloatArray, turn: FloatArray) -> Path:
-    points = np.concatenate([np.stack([begin, joint], axis=1).reshape(-1, 2), end[-1:]])
+def _as_paths(
+    begin: FloatArray, joint: FloatArray, end: FloatArray, turn: FloatArray, count: IntArray
+) -> list[Path]:
+    """Paths of so many biarcs each, without pieces that have no length."""
+    start = np.stack([begin, joint], axis=1).reshape(-1, 2)
+    stop = np.stack([joint, end], axis=1).reshape(-1, 2)
     sweep = turn.reshape(-1)
-    chord = np.diff(points, axis=0)
-    size = np.hypot(chord[:, 0], chord[:, 1])
-    keep = size > 1e-9
-    points = np.concatenate([points[:-1][keep], points[-1:]])
-    sweep, size = sweep[keep], size[keep]
+    chord = stop - start
+    keep = np.hypot(chord[:, 0], chord[:, 1]) > 1e-9
+    owner = np.arange(len(count)).repeat(2 * count)[keep]
+    pieces = np.bincount(owner, minlength=len(count))
+    points, size, sweep = start[keep], np.hypot(chord[:, 0], chord[:, 1])[keep], sweep[keep]
+    # where pieces are left out the one before ends where the next begins
+    after = np.concatenate([points[1:], end[-1:]])
+    ends = pieces.cumsum()
+    final = end[np.cumsum(count) - 1]
+    after[ends[pieces > 0] - 1] = final[pieces > 0]
     flat = np.abs(sweep) * LARGEST_RADIUS < size
     sweep = np.where(flat, 0.0, sweep)
-    centre = _centres(points[:-1], points[1:], sweep)
-    return Path(points, np.where(flat[:, None], np.nan, centre), sweep)
+    centre = np.where(flat[:, None], np.nan, _centres(points, after, sweep))
+    return [
+        Path(np.concatenate([points[low:high], last[None]]), centre[low:high], sweep[low:high])
+        for low, high, last in zip((ends - pieces).tolist(), ends.tolist(), final, strict=True)
+    ]
 
 
 def tangent_link(
@@ -133,26 +151,28 @@ def tangent_link(
     radius : float
         Of both arcs, mm.
     """
-    first = start + radius * unit(leave + np.pi / 2)
-    last = end + radius * unit(arrive + np.pi / 2)
-    way = last - first
-    course = float(np.arctan2(way[1], way[0])) if np.hypot(*way) > 1e-9 else arrive
-    turns = [(course - leave) % (2 * np.pi), (arrive - course) % (2 * np.pi)]
+    one_x, one_y = float(start[0]), float(start[1])
+    two_x, two_y = float(end[0]), float(end[1])
+    # the centres are a radius to the left of the headings
+    first = one_x - radius * math.sin(leave), one_y + radius * math.cos(leave)
+    last = two_x - radius * math.sin(arrive), two_y + radius * math.cos(arrive)
+    way_x, way_y = last[0] - first[0], last[1] - first[1]
+    course = math.atan2(way_y, way_x) if math.hypot(way_x, way_y) > 1e-9 else arrive
+    turns = [(course - leave) % (2 * math.pi), (arrive - course) % (2 * math.pi)]
     # a turn of nearly a full circle is none, but for rounding
-    turns = [0.0 if 2 * np.pi - turn < 1e-6 else turn for turn in turns]
-    corners = [start, first + radius * unit(course - np.pi / 2)]
-    corners += [last + radius * unit(course - np.pi / 2), end]
-    nan = np.full(2, np.nan)
-    pieces = [(first, turns[0]), (nan, 0.0), (last, turns[1])]
-    points, centre, sweep = [corners[0]], [], []
-    for corner, (middle, turn) in zip(corners[1:], pieces, strict=True):
-        if np.hypot(*(corner - points[-1])) > 1e-6:
+    turns = [0.0 if 2 * math.pi - turn < 1e-6 else turn for turn in turns]
+    right, ahead = radius * math.sin(course), -radius * math.cos(course)
+    corners = [(first[0] + right, first[1] + ahead), (last[0] + right, last[1] + ahead)]
+    pieces = [(first, turns[0]), (_NOWHERE, 0.0), (last, turns[1])]
+    points, centre, sweep = [(one_x, one_y)], [], []
+    for corner, (middle, turn) in zip([*corners, (two_x, two_y)], pieces, strict=True):
+        if math.hypot(corner[0] - points[-1][0], corner[1] - points[-1][1]) > 1e-6:
             points.append(corner)
-            centre.append(middle if turn else nan)
+            centre.append(middle if turn else _NOWHERE)
             sweep.append(turn)
     if len(points) < 2:
         return None
-    points[-1] = end
+    points[-1] = two_x, two_y
     return Path(np.array(points), np.array(centre), np.array(sweep))
 
 

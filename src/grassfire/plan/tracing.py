@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from grassfire.errors import PlanningError
 from grassfire.plan.fronts import GRAZE, densified, swept_edge
 from grassfire.plan.path import BoolArray, IntArray, Path, join, segment
 from grassfire.plan.pursuit import pursue, unit, wrapped
-from grassfire.plan.smooth import fit
+from grassfire.plan.smooth import fits
 from grassfire.plan.walls import Walls
 from grassfire.toolpath import FloatArray
 
@@ -63,6 +62,9 @@ MOST_CHANGES = 2000
 BITE, MOST_TURN = 1 / 64, np.radians(4.5)
 """Advance of the tool from tooth to tooth as a part of its radius; most that it may turn."""
 
+Near = Callable[[FloatArray, float], BoolArray]
+"""Which places (n, 2) have stock of other fronts nearer than a distance, mm."""
+
 
 class Start(NamedTuple):
     """Where a cut begins: at a wall sample, or in the open (-1) where the front begins.
@@ -101,6 +103,13 @@ class Piece:
         """Whether it runs through the open."""
         return not len(self.samples)
 
+    @property
+    def long(self) -> bool:
+        """Whether it has a length."""
+        if self.free:
+            return len(self.points) > 1
+        return bool(self.samples[0] != self.samples[-1])
+
 
 @dataclass
 class _Cut:
@@ -108,7 +117,8 @@ class _Cut:
 
     `lap` is the first piece of the lap of a spiral whose edge is not yet part of the front, or -1;
     `real` the number of points of the front that are to be cut, without its straight extension;
-    `limit` is its engagement, radians; `others` holds the points of all other fronts; `tail` tells
+    `limit` is its engagement, radians; `others` tells
+    which places are near other fronts; `tail` tells
     how much of the front of a spiral need not be cut.
     """
 
@@ -119,7 +129,7 @@ class _Cut:
     lap: int
     real: int
     limit: float
-    others: cKDTree | None
+    others: Near
     tail: Callable[[FloatArray], int] | None = None
 
 
@@ -144,7 +154,7 @@ class Tracer:
 
         `tail` tells how many last points of a front may be left along the wall.
         """
-        cut = _Cut(front, 0, front[0], [], 0, len(front), self._limit, None, tail)
+        cut = _Cut(front, 0, front[0], [], 0, len(front), self._limit, _alone, tail)
         bearing = direction(front[:2]) - np.pi / 2 + FIRST_BITE[0]
         ease: tuple[float, float] | None = (FIRST_BITE[0], EASE[0] * self._radius)
         while self._trace(cut, -1, bearing, ease) and cut.lap >= 0:
@@ -203,37 +213,39 @@ class Tracer:
             return Start(-1, places[chosen], heading, float(leads[chosen]))
         return Start(-1, place, heading)
 
-    def cut(self, front: FloatArray, start: Start, others: Sequence[FloatArray]) -> list[Piece]:
+    def cut(self, front: FloatArray, start: Start, others: Near) -> list[Piece]:
         """Along an open front from its start, among others."""
-        tree = cKDTree(np.concatenate(others), balanced_tree=False) if others else None
         ease: tuple[float, float] | None = (FIRST_BITE[1], EASE[1] * self._radius)
         if start.lead > 0:
             before = np.arange(round(start.lead / self._step), 0, -1) * self._step
             front = np.concatenate([front[0] - before[:, None] * unit(start.heading), front])
             ease = None
         limit = self._narrowed(front)
-        cut = _Cut(self._extended(front), 0, front[0], [], -1, len(front), limit, tree)
+        cut = _Cut(self._extended(front), 0, front[0], [], -1, len(front), limit, others)
         offset = front[0] - start.point
         self._trace(cut, start.sample, float(np.arctan2(offset[1], offset[0])), ease)
         return cut.pieces
 
-    def path(self, pieces: list[Piece]) -> Path | None:
-        """A cut as lines and arcs, or None without length; wall pieces are the wall rings' own."""
+    def begin(self, pieces: list[Piece]) -> FloatArray | None:
+        """Where a cut begins, or None without length."""
+        return next((piece.points[0] for piece in pieces if piece.long), None)
+
+    def paths(self, cuts: Sequence[list[Piece]]) -> list[Path]:
+        """Cuts that have a length as lines and arcs; wall pieces are the wall rings' own."""
+        free = [piece for pieces in cuts for piece in _closed(pieces) if piece.free and piece.long]
+        fitted = iter(fits([(it.points, it.heading, np.clip(it.room / 2, *FIT)) for it in free]))
+        return [self._path(_closed(pieces), fitted) for pieces in cuts]
+
+    def _path(self, pieces: list[Piece], fitted: Iterator[Path]) -> Path:
+        """One cut; the next of the fitted paths are those of its free pieces."""
         paths: list[Path] = []
-        for number, piece in enumerate(pieces):
-            if piece.free:
-                points = piece.points.copy()
-                if number and np.hypot(*(pieces[number - 1].points[-1] - points[0])) < FIT[0]:
-                    points[0] = pieces[number - 1].points[-1]
-                after = pieces[number + 1].points[0] if number + 1 < len(pieces) else points[-1]
-                if len(points) > 1 and np.hypot(*(after - points[-1])) < FIT[0]:
-                    points[-1] = after
-                tolerance = np.clip(piece.room / 2, *FIT)
-                own = fit(points, piece.heading, tolerance) if len(points) > 1 else None
-                begin = points[0]
-            else:
-                own = self._walls.slice(int(piece.samples[0]), int(piece.samples[-1]))
-                begin = piece.points[0] if own is None else own.start
+        for piece in pieces:
+            own, begin = None, piece.points[0]
+            if piece.long:
+                samples = piece.samples
+                own = next(fitted) if piece.free else self._walls.slice(samples[0], samples[-1])
+            if own is not None and not piece.free:
+                begin = own.start
             if paths and np.hypot(*(begin - paths[-1].end)) > 1e-9:
                 paths.append(segment(paths[-1].end, begin))
             if own is not None:
@@ -241,7 +253,7 @@ class Tracer:
                     points = np.concatenate([paths[-1].end[None], own.points[1:]])
                     own = Path(points, own.centre, own.sweep)
                 paths.append(own)
-        return join(*paths) if paths else None
+        return join(*paths)
 
     def _narrowed(self, front: FloatArray) -> float:
         """The limit less what the turns of the way add to the angle that a tooth cuts, radians.
@@ -394,10 +406,8 @@ class Tracer:
         spent = (cut.index + touch.passed >= cut.real - 1) & (
             behind | (np.hypot(gap[:, 0], gap[:, 1]) > self._radius)
         )
-        if cut.others is not None:
-            least = self._radius * (1 - GRAZE)
-            near = cut.others.query(place, distance_upper_bound=least)[0]
-            spent |= ~touch.found & np.isfinite(near)
+        air = (~touch.found).nonzero()[0]
+        spent[air] |= cut.others(place[air], self._radius * (1 - GRAZE))
         return int(np.argmax(spent)) if spent.any() else len(samples)
 
     def _slid(self, cut: _Cut, samples: IntArray) -> None:
@@ -448,6 +458,32 @@ def _eased(front: FloatArray, limit: float, ease: tuple[float, float] | None) ->
     gone = np.cumsum(np.hypot(*np.diff(front, axis=0).T))
     share = np.clip(np.concatenate([[0.0], gone[:-1]]) / ease[1], 0.0, 1.0)
     return np.maximum(limit * share**2 * (3 - 2 * share), min(ease[0], limit))
+
+
+def _alone(places: FloatArray, reach: float) -> BoolArray:
+    """No other front is near."""
+    return np.zeros(len(places), dtype=bool)
+
+
+def _closed(pieces: list[Piece]) -> list[Piece]:
+    """Pieces of a cut, the free ones made to meet those before and after them."""
+    result: list[Piece] = []
+    for number, piece in enumerate(pieces):
+        if piece.free:
+            points = piece.points.copy()
+            if number and _gap(pieces[number - 1].points[-1], points[0]) < FIT[0]:
+                points[0] = pieces[number - 1].points[-1]
+            if len(points) > 1 and number + 1 < len(pieces):
+                after = pieces[number + 1].points[0]
+                if _gap(after, points[-1]) < FIT[0]:
+                    points[-1] = after
+            piece = replace(piece, points=points)
+        result.append(piece)
+    return result
+
+
+def _gap(one: FloatArray, two: FloatArray) -> float:
+    return float(np.hypot(one[0] - two[0], one[1] - two[1]))
 
 
 def direction(points: FloatArray) -> float:

@@ -7,9 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
-from grassfire.plan.link import Clearance
+from grassfire.medial import MedialAxis
+from grassfire.plan.boundary import Boundary
+from grassfire.plan.fronts import Front, touched
 from grassfire.plan.path import BoolArray, IntArray, Path, join
 from grassfire.toolpath import FloatArray
+
+CELL = 20.0
+"""Largest size of the cells in which distances are prepared, in samples of the rings."""
 
 
 def mirrored(points: FloatArray) -> FloatArray:
@@ -27,7 +32,7 @@ class Walls:
 
     Parameters
     ----------
-    axis : Clearance
+    axis : MedialAxis
         Asked for the distance to the boundary.
     rings : sequence of Path
         Closed, component on the left.
@@ -52,13 +57,14 @@ class Walls:
 
     def __init__(
         self,
-        axis: Clearance,
+        axis: MedialAxis,
         rings: Sequence[Path],
         wall: float,
         step: float,
         reflect: bool = False,
     ) -> None:
-        self._axis = axis
+        self._boundary = Boundary(axis, CELL * step) if Boundary.suits(axis) else None
+        self._axis = self._boundary or axis
         self._wall = wall
         self._step = step
         self.reflect = reflect
@@ -93,10 +99,12 @@ class Walls:
     def room(self, chain: FloatArray) -> FloatArray:
         """(n,) clearance beyond `wall` on a way that begins inside; exact near the rings, mm.
 
-        Elsewhere the distance to the rings, which is less: on the way from a point to the nearest
-        wall, the ring is met at clearance - wall. Points of the way must be no further apart than
-        twice the samples of the rings, so that none passes a ring unseen.
+        Elsewhere it may be the distance to the rings, which is less: on the way from a point to the
+        nearest wall, the ring is met at clearance - wall. Points of the way must be no further
+        apart than twice the samples of the rings, so that none passes a ring unseen.
         """
+        if self._boundary is not None:
+            return self.clearance(chain) - self._wall
         result = self._tree.query(chain)[0] - self._step / 2
         near = np.flatnonzero(result < 2 * self._step)
         if len(near):
@@ -106,6 +114,10 @@ class Walls:
     def distance(self, points: FloatArray) -> FloatArray:
         """(n,) distance to the nearest sample, mm."""
         return np.asarray(self._tree.query(points)[0])
+
+    def touched(self, front: Front, reach: float) -> IntArray:
+        """Samples that have a point of a front nearer than `reach` mm."""
+        return touched(self.points, front, reach)
 
     def nearest(self, point: FloatArray) -> int:
         """Index of the nearest sample."""
