@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from adaptive_measure import engagement, longest_over, swept, track
+from adaptive_measure import Track, engagement, longest_over, swept, track
 from grassfire.errors import InputError, PlanningError
 from grassfire.geometry import Arc, Bezier, Line, Loop, Region, flatten
 from grassfire.job import Job, parse_job
@@ -29,7 +29,6 @@ from grassfire.plan.fronts import (
     densified,
     joined,
     length,
-    outside,
     runs,
     swept_edge,
 )
@@ -68,6 +67,8 @@ def box(x0: float, y0: float, x1: float, y1: float) -> Loop:
 
 
 ELL = [(0, 0), (32, 0), (32, 14), (14, 14), (14, 30), (0, 30)]
+CROSS = [(3.6, 3.6), (24, 3.6), (24, -3.6), (3.6, -3.6), (3.6, -20), (-3.6, -20)]
+CROSS += [(-x, -y) for x, y in CROSS]
 DEAD_END = [(0, 0), (18, 0), (18, 6), (32, 6), (32, 12.3), (18, 12.3), (18, 20), (0, 20)]
 
 REGIONS: dict[str, Callable[[], Region]] = {
@@ -79,6 +80,7 @@ REGIONS: dict[str, Callable[[], Region]] = {
     ),
     "corridor": lambda: Region(box(0, 0, 40, 7.2), ()),
     "dead end": lambda: Region(Loop.from_points(DEAD_END), ()),
+    "cross": lambda: Region(Loop.from_points(CROSS), ()),
 }
 
 LEFT = 0.25
@@ -91,13 +93,16 @@ LONGEST_OVER = {
     ("island", 0.4): 0.25,
     ("corridor", 0.4): 0.5,
     ("dead end", 0.4): 0.6,
+    ("cross", 0.4): 0.6,
     ("rectangle", 0.2): 0.2,
     ("corridor", 0.2): 0.6,
 }
 """Length for which the engagement may be more than 1.5 degrees above the limit, mm."""
 
 
-def settings_of(part: float = 0.4, climb: bool = True) -> ClearingSettings:
+def settings_of(
+    part: float = 0.4, climb: bool = True, both: bool = False, finish: bool = True
+) -> ClearingSettings:
     """For a 6 mm tool, at a width of cut as a part of the diameter."""
     return ClearingSettings(
         tool_radius=RADIUS,
@@ -110,16 +115,17 @@ def settings_of(part: float = 0.4, climb: bool = True) -> ClearingSettings:
         drop=3.5,
         step=3.0,
         climb=climb,
-        finish=True,
+        both=both,
+        finish=finish,
         fast_links=False,
         longest_walk=40.0,
         minimum_radius=0.0,
     )
 
 
-def plan(region: Region, part: float = 0.4, climb: bool = True) -> list[Stroke]:
+def plan(region: Region, part: float = 0.4, **others: bool) -> list[Stroke]:
     """All strokes of the last pass over a region, its wall pass included."""
-    pockets, _ = adaptive_pockets(medial_axis(region), settings_of(part, climb))
+    pockets, _ = adaptive_pockets(medial_axis(region), settings_of(part, **others))
     for pocket in pockets:
         pocket.plan(pocket.peak)
     return [
@@ -131,9 +137,9 @@ def plan(region: Region, part: float = 0.4, climb: bool = True) -> list[Stroke]:
 
 
 @cache
-def planned(name: str, part: float = 0.4) -> tuple[Stroke, ...]:
+def planned(name: str, part: float = 0.4, both: bool = False) -> tuple[Stroke, ...]:
     """The same for a region of the list."""
-    return tuple(plan(REGIONS[name](), part))
+    return tuple(plan(REGIONS[name](), part, both=both))
 
 
 @cache
@@ -148,6 +154,14 @@ def area_of(name: str) -> shapely.Polygon:
 # -- what the tool meets --------------------------------------------------------------------------
 
 
+def grazing(angle: FloatArray, way: Track) -> float:
+    """Longest stretch of ways through cleared area with more than 28 degrees in stock, mm.
+
+    They may graze it by a hundredth of the tool radius, and films in corners by three.
+    """
+    return longest_over(np.where(way.air, angle, 0.0), way.gap, 28.0)
+
+
 @pytest.mark.parametrize(("name", "part"), LONGEST_OVER)
 def test_engagement_keeps_to_the_limit(name: str, part: float) -> None:
     start, way = track(planned(name, part))
@@ -157,16 +171,30 @@ def test_engagement_keeps_to_the_limit(name: str, part: float) -> None:
     assert longest_over(angle, way.gap, limit + 6.0) <= 0.2
     # a cut that never came near the limit would waste time
     assert np.percentile(angle[angle > 0], 90) > limit - 5.0
-    # ways through cleared area may graze stock by a hundredth of the tool radius, slivers by more
-    assert angle[way.air].max() <= 28.0
+    assert grazing(angle, way) <= 0.1
     # what is left for the last lap is a light cut, but for the very corners
     finishing = np.where(way.role == Role.FINISH, angle, 0.0)
     assert longest_over(finishing, way.gap, 30.0) <= 0.4
 
 
+@pytest.mark.parametrize("name", ["rectangle", "ell", "island", "dead end"])
+def test_cuts_both_ways_keep_to_the_limit_and_save_ways_back(name: str) -> None:
+    start, way = track(planned(name, both=True))
+    angle = np.degrees(engagement(area_of(name), start, way, RADIUS))
+    limit = np.degrees(np.arccos(1 - 2 * 0.4)) + RESOLUTION
+    assert longest_over(angle, way.gap, limit + 6.0) <= 0.2
+    assert grazing(angle, way) <= 0.1
+    back = [
+        sum(stroke.path.length for stroke in planned(name, both=both) if stroke.air)
+        for both in (False, True)
+    ]
+    assert back[1] < 0.8 * back[0]
+
+
+@pytest.mark.parametrize("both", [False, True])
 @pytest.mark.parametrize("name", REGIONS)
-def test_tool_keeps_to_the_pocket_and_clears_it(name: str) -> None:
-    strokes, area = planned(name), area_of(name)
+def test_tool_keeps_to_the_pocket_and_clears_it(name: str, both: bool) -> None:
+    strokes, area = planned(name, both=both), area_of(name)
     way = track(strokes)[1]
     assert shapely.distance(shapely.points(way.points), area.boundary).min() >= RADIUS - 0.004
     assert shapely.contains_xy(area, way.points).all()
@@ -203,6 +231,19 @@ def test_conventional_is_the_mirror_image_of_climb() -> None:
         assert one.kind is two.kind and one.role is two.role
         assert mirrored(two.path.points) == pytest.approx(one.path.points, abs=1e-6)
         assert two.path.sweep == pytest.approx(-one.path.sweep, abs=1e-6)
+
+
+def test_without_a_finishing_pass_films_alone_are_cut_along_the_wall() -> None:
+    """The last lap of the spiral in a circle is a lap along the wall: there is no other one."""
+    circle = Region(Loop((Arc(np.zeros(2), 14.0, 0.0, 2 * np.pi),)), ())
+    strokes = plan(circle, finish=False)
+    lap = 2 * np.pi * (14.0 - RADIUS)
+    assert not any(stroke.role is Role.FINISH for stroke in strokes)
+    assert strokes[-1].path.length < 0.2 * lap or strokes[-1].path.length > lap
+    area = shapely.Point(0, 0).buffer(14.0, quad_segs=256)
+    reached = area.buffer(-RADIUS + 2e-4, quad_segs=64).buffer(RADIUS - 2e-4, quad_segs=64)
+    left = reached.difference(swept(strokes, RADIUS))
+    assert left.area <= 5e-4 * reached.area
 
 
 @pytest.mark.parametrize("climb", [True, False])
@@ -262,6 +303,12 @@ def test_limit_by_angle_is_limit_by_width() -> None:
     assert cut_length(job_of("engagement_angle = 40.0")) > 1.5 * by_width
 
 
+def test_cuts_both_ways_are_refused_where_they_are_not_offered() -> None:
+    text = JOB.replace('"adaptive"', '"offset"') + 'direction = "both"'
+    with pytest.raises(InputError, match="'both' is offered by strategy 'adaptive' alone"):
+        parse_job(text, FilePath("job.toml"))
+
+
 @pytest.mark.parametrize("entry", ["plunge", "ramp"])
 def test_entries_that_begin_with_a_slot_are_refused(entry: str) -> None:
     with pytest.raises(InputError, match="enters by helix"):
@@ -316,6 +363,16 @@ def test_swept_edge_is_the_right_side_of_the_swept_area(seed: int) -> None:
     rim = rim[shapely.distance(shapely.points(rim), line) > RADIUS - 1e-3]
     assert shapely.distance(shapely.points(rim), shapely.LineString(outer)).max() < 0.05
     assert np.all(np.diff(piece) >= 0) and piece.max() < len(chain) - 1
+
+
+@pytest.mark.parametrize("turn", [1.0, 2.0, 5.0])
+def test_a_right_turn_on_the_spot_leaves_no_fold(turn: float) -> None:
+    heading = np.radians(np.where(np.arange(40) < 20, 0.0, -turn))
+    chain = np.concatenate([np.zeros((1, 2)), np.cumsum(0.15 * unit(heading), axis=0)])
+    edge, piece = swept_edge(chain, RADIUS, 0.15)
+    along = unit(heading[np.minimum(piece[1:], 39)])
+    assert np.all(np.sum(np.diff(edge, axis=0) * along, axis=1) > 0)
+    assert np.hypot(*np.diff(edge, axis=0).T).max() < 0.6
 
 
 def test_a_chain_without_length_sweeps_no_edge() -> None:
@@ -380,12 +437,37 @@ def test_places_near_fronts_are_those_near_any_of_their_points() -> None:
 def test_disks_cut_fronts_apart_and_leave_others_as_they_are() -> None:
     fronts = scattered(40)
     centres = np.random.default_rng(3).uniform(20, 40, (50, 2))
-    parts = outside(fronts, cKDTree(centres), 2.0, 5.0)
-    for front, own in zip(fronts, parts, strict=True):
+    parts = Fronts(fronts).outside(cKDTree(centres), 2.0, 5.0)
+    whole = []
+    for front in fronts:
         gap = np.hypot(*(front.points[:, None] - centres[None]).transpose(2, 0, 1)).min(axis=1)
-        left = sum(len(part) for part in own)
-        assert left == np.count_nonzero(gap > 2.0)
-        assert (own[0] is front) if left == len(front) else (front not in own)
+        whole += [front] if gap.min() > 2.0 else []
+        own = [part for part in parts if any(np.isin(part.points[:, 0], front.points[:, 0]))]
+        assert sum(len(part) for part in own) == np.count_nonzero(gap > 2.0)
+    assert [front for front in parts if front in fronts] == whole
+    assert 0 < len(whole) < len(fronts)
+    untouched = Fronts(whole)
+    assert untouched.outside(cKDTree(centres), 2.0, 5.0) is untouched
+
+
+def test_fronts_are_added_and_left_out_with_their_boxes() -> None:
+    fronts = scattered(12)
+    few = Fronts(fronts[:5]).plus(fronts[6:]).without(2)
+    kept = [*fronts[:2], *fronts[3:5], *fronts[6:]]
+    assert list(few) == kept and few[1] is fronts[1] and few[-2:] == tuple(kept[-2:])
+    assert few.plus([]) is few
+    places = np.random.default_rng(4).uniform(0, 60, (300, 2))
+    assert np.array_equal(few.within(places, 3.0), Fronts(kept).within(places, 3.0))
+
+
+def test_fronts_that_were_refused_once_are_not_compared_again() -> None:
+    chain = densified(bent(8), 0.15)
+    apart = [Front(chain[:100]), Front(chain[100:] + np.array([0.0, 2.0]))]
+    settled = joined(apart, RADIUS, 0.15, far_from_walls)
+    assert all(front.settled for front in settled)
+    assert len(joined(settled, RADIUS, 0.15, far_from_walls)) == 2
+    # one that continues the first is compared with all
+    assert len(joined([*settled, Front(chain[100:])], RADIUS, 0.15, far_from_walls)) == 2
 
 
 def test_disks_know_the_nearest_centre() -> None:

@@ -10,6 +10,8 @@ divide fronts; behind them fronts meet and eat up what is left between them.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,7 +31,6 @@ from grassfire.plan.fronts import (
     densified,
     joined,
     length,
-    outside,
     runs,
     swept_edge,
 )
@@ -179,8 +180,8 @@ class AdaptivePocket:
         ]
         self._returns = Returns(axis, self._walls, settings.wall, self._radius)
         self._cleared = Disks()
-        self._fronts: list[Front] = []
-        self._left: list[Front] = []
+        self._fronts = Fronts()
+        self._left = Fronts()
         self._length = 0.0
         self._starts: dict[tuple[Front, Sense], Start] = {}
         self._spare: dict[Front, bool] = {}
@@ -232,7 +233,7 @@ class AdaptivePocket:
         most = settings.longest_walk + settings.link_speed * float(np.hypot(*(end - start)))
         return way if way is not None and way.length <= most else None
 
-    def _corners(self, pieces: list[Front]) -> list[tuple[int, int]]:
+    def _corners(self, pieces: Sequence[Front]) -> list[tuple[int, int]]:
         """Stretches of the walls where more is left than the last lap takes over all depths.
 
         First and last samples of each, for the given edges of what is left.
@@ -285,16 +286,14 @@ class AdaptivePocket:
         if not self._settings.finish:
             return place, heading
         near = 3 * self._radius
-        around = Fronts(self._left).near(box(place[None]), near)
-        pieces = [self._left[number] for number in around]
+        pieces = self._left.near(box(place[None]), near)
         pieces = [it for it in pieces if np.hypot(*(it.points - place).T).min() <= near]
         if not pieces:
             return place, heading
-        stock = Fronts(self._fronts)
         alone = []
         for low, high in self._corners(pieces):
             stretch = self._walls.ahead(low, self._walls.steps(low, high) + 1)
-            if not stock.within(self._walls.points[stretch], self._radius).any():
+            if not self._fronts.within(self._walls.points[stretch], self._radius).any():
                 alone.append((low, high))
         place, heading, _ = self._cut_corners(alone, place, heading, False)
         return place, heading
@@ -304,7 +303,7 @@ class AdaptivePocket:
         tree = cKDTree(centres)
         bound, gap = self._radius * (1 - GRAZE), 4 * self._step
         self._cleared.add(centres)
-        self._left = [part for parts in outside(self._left, tree, bound, gap) for part in parts]
+        self._left = self._left.outside(tree, bound, gap)
 
     def _beyond(self) -> tuple[FloatArray, float] | None:
         """Where to enter again, and the room there: behind necks too narrow for a cut at the limit.
@@ -345,7 +344,7 @@ class AdaptivePocket:
             # the walls break the front at once: begun where one does, its parts are whole
             turn = int(np.argmin(stock))
             chain, stock = np.roll(front[:-1], -turn, axis=0), np.roll(stock[:-1], -turn)
-            self._fronts = [Front(part) for part in runs(chain, stock, 4 * self._step)]
+            self._fronts = Fronts(Front(part) for part in runs(chain, stock, 4 * self._step))
             self._returns.update(self._fronts, self._left)
             return start, float(np.arctan2(outwards[1], outwards[0]) + np.pi / 2)
         cut = self._senses[0].spiral(front, self._tail)
@@ -355,7 +354,7 @@ class AdaptivePocket:
                 place=(float(self.peak[0]), float(self.peak[1])),
                 remedy="take a smaller tool or strategy offset",
             )
-        return self._take(cut, self._senses[0], [Front(front)], start)
+        return self._take(cut, self._senses[0], Fronts([Front(front)]), start)
 
     def _middle(self) -> tuple[FloatArray, float]:
         """Where clearing begins, and the room there: the most there is, if it pays amid the pocket.
@@ -385,30 +384,35 @@ class AdaptivePocket:
         """Cut along the front that is best reached; returns place and heading at its end."""
         ways = [(index, sense) for index in range(len(self._fronts)) for sense in self._senses]
         starts = [self._start(self._fronts[index], sense) for index, sense in ways]
-        gaps = [float(np.hypot(*(start.point - place))) for start in starts]
+        gaps = [math.dist(start.point, place) for start in starts]
         if min(gaps) > FAR * self._radius:
             place, heading = self._tidied(place, heading)
-            gaps = [float(np.hypot(*(start.point - place))) for start in starts]
+            gaps = [math.dist(start.point, place) for start in starts]
         chosen, link = self._best(place, heading, starts, gaps)
         (index, sense), start = ways[chosen], starts[chosen]
         front = self._fronts[index]
-        remaining = self._fronts[:index] + self._fronts[index + 1 :]
-        cut = sense.cut(front.points, start, Fronts(remaining).within)
+        cut = sense.cut(front.points, start, self._fronts.without(index).within)
         if cut.begin is None:
             # nothing to cut that a sample tells from nothing: the wall pass takes it
-            self._left.append(self._fronts.pop(index))
+            self._give_up(index)
             return place, heading
         if link is not None:
             self._stroke(StrokeKind.FEED, link, Role.LINK, air=True)
             place = link.end
-        elif gaps[chosen] > 1e-9:
+        elif gaps[chosen] > self._step:
             landing = self._landing(place, start)
             if landing is None:
                 # stock on all sides: what is there can only be cut in full width
-                self._left.append(self._fronts.pop(index))
+                self._give_up(index)
                 return place, heading
             place = self._land(place, landing, start)
-        return self._take(cut, sense, [front, *remaining], place)
+        others = self._fronts.without(index)
+        return self._take(cut, sense, Fronts([front]).plus(others), place)
+
+    def _give_up(self, index: int) -> None:
+        """Leave a front to the wall pass."""
+        self._left = self._left.plus([self._fronts[index]])
+        self._fronts = self._fronts.without(index)
 
     def _landing(self, place: FloatArray, start: Start) -> FloatArray | None:
         """Where the tool is or can come down, with a straight way to the start of a cut.
@@ -445,7 +449,8 @@ class AdaptivePocket:
         """The nearest start that a way leads to, and the way; the nearest if none does."""
         smooth = len(self._senses) == 1
         order = [int(index) for index in np.argsort(gaps, kind="stable")]
-        if gaps[order[0]] <= 1e-9:
+        if gaps[order[0]] <= self._step:
+            # so short a way is part of the cut
             return order[0], None
         for index in order[:LINK_TRIES]:
             link = self._returns.direct(place, heading, starts[index], smooth)
@@ -480,7 +485,7 @@ class AdaptivePocket:
         return strokes
 
     def _take(
-        self, cut: Cut, sense: Sense, fronts: list[Front], place: FloatArray
+        self, cut: Cut, sense: Sense, fronts: Fronts, place: FloatArray
     ) -> tuple[FloatArray, float]:
         """Write a cut and bring cleared area and fronts up to date; the first front was cut."""
         self._length += length(cut.points)
@@ -493,16 +498,15 @@ class AdaptivePocket:
         tree = cKDTree(swept)
         new = self._new_fronts(cut, sense, tree)
         bound, gap = self._radius * (1 - GRAZE), 4 * self._step
-        kept = [part for parts in outside(fronts, tree, bound, gap) for part in parts]
+        kept = fronts.outside(tree, bound, gap)
         self._cleared.add(swept)
         whole: list[Front] = []
         short: list[Front] = []
-        for front in kept + new:
+        for front in (*kept, *new):
             long = len(front) > 2 and front.length > SHORTEST * self._radius
             (whole if long and not self._thin(front) else short).append(front)
-        self._left = [part for parts in outside(self._left, tree, bound, gap) for part in parts]
-        self._left += short
-        self._fronts = joined(whole, self._radius, self._step, self._walls.clearance)
+        self._left = self._left.outside(tree, bound, gap).plus(short)
+        self._fronts = Fronts(joined(whole, self._radius, self._step, self._walls.clearance))
         self._advance(fronts[0], sense)
         self._returns.update(self._fronts, self._left)
         known = set(self._fronts)
@@ -523,8 +527,9 @@ class AdaptivePocket:
                 head, rest = other.points[: HEAD + 2], other.points[HEAD:]
                 if sense.against:
                     head, rest = other.points[-HEAD - 2 :], other.points[:-HEAD]
-                self._left.append(Front(head))
-                self._fronts[index : index + 1] = [Front(rest)] if len(rest) > 2 else []
+                self._left = self._left.plus([Front(head)])
+                self._fronts = self._fronts.without(index)
+                self._fronts = self._fronts.plus([Front(rest)] if len(rest) > 2 else [])
                 return
 
     def _thin(self, front: Front) -> bool:

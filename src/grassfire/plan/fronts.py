@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
@@ -54,10 +54,14 @@ class Front:
     ----------
     points : (n, 2) float array
         At least one, the stock on the right of their direction, mm.
+    settled : bool
+        Whether it has been compared with the others that were there, for being continued.
     """
 
     def __init__(self, points: FloatArray) -> None:
         self.points = points
+        self.settled = False
+        self._end_clearance: float | None = None
 
     def __len__(self) -> int:
         return len(self.points)
@@ -83,6 +87,18 @@ class Front:
         return _direction(self.points[-4:])
 
     @cached_property
+    def last(self) -> tuple[float, float]:
+        """Last point, mm."""
+        x, y = self.points[-1].tolist()
+        return x, y
+
+    def end_clearance(self, clearance: Clearances) -> float:
+        """Distance of its last point from the walls, mm."""
+        if self._end_clearance is None:
+            self._end_clearance = float(clearance(self.points[-1:])[0])
+        return self._end_clearance
+
+    @cached_property
     def tree(self) -> cKDTree:
         """Of its points."""
         from scipy.spatial import cKDTree
@@ -90,31 +106,74 @@ class Front:
         return cKDTree(self.points, compact_nodes=False, balanced_tree=False)
 
 
-class Fronts:
-    """Edges of the stock and their boxes, so that only those near a place are looked at.
+class Fronts(Sequence[Front]):
+    """Edges of the stock and their boxes, so that only those near a place are looked at."""
 
-    Attributes
-    ----------
-    items : tuple of Front
-    """
+    def __init__(self, fronts: Iterable[Front] = (), boxes: FloatArray | None = None) -> None:
+        self._items = tuple(fronts)
+        if boxes is None:
+            boxes = np.array([front.box for front in self._items]).reshape(-1, 4)
+        self._boxes = boxes
 
-    def __init__(self, fronts: Sequence[Front] = ()) -> None:
-        self.items = tuple(fronts)
-        self._boxes = np.array([front.box for front in self.items]).reshape(-1, 4)
+    def __len__(self) -> int:
+        return len(self._items)
 
-    def near(self, around: Box, reach: float) -> list[int]:
-        """Numbers of those whose boxes come within `reach` mm of a box."""
-        return _overlapping(self._boxes, around, reach)
+    @overload
+    def __getitem__(self, index: int) -> Front: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Front, ...]: ...
+
+    def __getitem__(self, index: int | slice) -> Front | tuple[Front, ...]:
+        return self._items[index]
+
+    def near(self, around: Box, reach: float) -> list[Front]:
+        """Those whose boxes come within `reach` mm of a box."""
+        return [self._items[row] for row in self._rows(around, reach)]
 
     def within(self, places: FloatArray, reach: float) -> BoolArray:
         """(n,) which places have a point of one of them nearer than `reach` mm."""
         result = np.zeros(len(places), dtype=bool)
-        if not len(places):
-            return result
-        for number in self.near(box(places), reach):
-            gap = self.items[number].tree.query(places, distance_upper_bound=reach)[0]
-            result |= gap < np.inf
+        if len(places) and self._items:
+            for front in self.near(box(places), reach):
+                result[touched(places, front, reach)] = True
         return result
+
+    def without(self, index: int) -> Fronts:
+        """All but one."""
+        items = self._items[:index] + self._items[index + 1 :]
+        return Fronts(items, np.delete(self._boxes, index, axis=0))
+
+    def plus(self, fronts: Sequence[Front]) -> Fronts:
+        """These and more."""
+        if not fronts:
+            return self
+        more = [front.box for front in fronts]
+        return Fronts((*self._items, *fronts), np.concatenate([self._boxes, more]))
+
+    def outside(self, centres: cKDTree, radius: float, gap: float) -> Fronts:
+        """Their parts outside all disks about some centres; untouched ones are themselves.
+
+        Their points are no more than `gap` mm apart.
+        """
+        parts: dict[int, list[Front]] = {}
+        for row in self._rows((*centres.mins.tolist(), *centres.maxes.tolist()), radius):
+            chain = self._items[row].points
+            free = np.isinf(centres.query(chain, distance_upper_bound=radius)[0])
+            if not free.all():
+                parts[row] = [Front(part) for part in runs(chain, free, gap)]
+        if not parts:
+            return self
+        return Fronts(
+            part for row, front in enumerate(self._items) for part in parts.get(row, [front])
+        )
+
+    def _rows(self, around: Box, reach: float) -> list[int]:
+        left, low, right, high = around
+        boxes = self._boxes
+        apart = (boxes[:, 2] < left - reach) | (boxes[:, 0] > right + reach)
+        apart |= (boxes[:, 3] < low - reach) | (boxes[:, 1] > high + reach)
+        return [int(row) for row in (~apart).nonzero()[0]]
 
 
 def box(points: FloatArray) -> Box:
@@ -123,20 +182,14 @@ def box(points: FloatArray) -> Box:
     return float(x.min()), float(y.min()), float(x.max()), float(y.max())
 
 
-def _overlapping(boxes: FloatArray, around: Box, reach: float) -> list[int]:
-    """Rows of boxes (n, 4) that come within `reach` mm of a box."""
-    left, low, right, high = around
-    apart = (boxes[:, 2] < left - reach) | (boxes[:, 0] > right + reach)
-    apart |= (boxes[:, 3] < low - reach) | (boxes[:, 1] > high + reach)
-    return [int(row) for row in (~apart).nonzero()[0]]
-
-
 def touched(places: FloatArray, front: Front, reach: float) -> IntArray:
     """Rows of the places that have a point of a front nearer than `reach`."""
     left, low, right, high = front.box
     x, y = places[:, 0], places[:, 1]
     around = (x > left - reach) & (x < right + reach) & (y > low - reach) & (y < high + reach)
     rows = around.nonzero()[0]
+    if not len(rows):
+        return np.asarray(rows)
     gap = front.tree.query(places[rows], distance_upper_bound=reach)[0]
     return np.asarray(rows[gap < np.inf])
 
@@ -145,7 +198,7 @@ class Disks:
     """Growing set of disk centres, for distances: trees of doubling size."""
 
     def __init__(self) -> None:
-        self._trees: list[tuple[FloatArray, cKDTree]] = []
+        self._trees: list[tuple[FloatArray, cKDTree, Box]] = []
 
     def add(self, centres: FloatArray) -> None:
         """Add (m, 2) centres, mm."""
@@ -154,20 +207,26 @@ class Disks:
         while self._trees and len(self._trees[-1][0]) < 2 * len(centres):
             centres = np.concatenate([self._trees.pop()[0], centres])
         tree = cKDTree(centres, compact_nodes=False, balanced_tree=False)
-        self._trees.append((centres, tree))
+        self._trees.append((centres, tree, box(centres)))
 
     def distance(self, points: FloatArray, bound: float) -> FloatArray:
         """(n,) distance to the nearest centre, infinite beyond `bound` mm."""
         result = np.full(len(points), np.inf)
-        for _, tree in self._trees:
-            result = np.minimum(result, tree.query(points, distance_upper_bound=bound)[0])
+        if not len(points):
+            return result
+        left, low, right, high = box(points)
+        for _, tree, (least_x, least_y, most_x, most_y) in self._trees:
+            across = least_x <= right + bound and most_x >= left - bound
+            if across and least_y <= high + bound and most_y >= low - bound:
+                gap = tree.query(points, distance_upper_bound=bound)[0]
+                np.minimum(result, gap, out=result)
         return result
 
     def nearest(self, point: FloatArray, count: int) -> FloatArray:
         """(m, 2) centres nearest to a point, nearest first; all if there are fewer, mm."""
         near = [
             centres[tree.query(point, k=range(1, min(count, len(centres)) + 1))[1]]
-            for centres, tree in self._trees
+            for centres, tree, _ in self._trees
         ]
         found = np.concatenate(near)
         order = np.argsort(np.hypot(*(found - point).T), kind="stable")
@@ -245,23 +304,6 @@ def length(chain: FloatArray) -> float:
     return float(np.hypot(*np.diff(chain, axis=0).T).sum())
 
 
-def outside(
-    fronts: Sequence[Front], centres: cKDTree, radius: float, gap: float
-) -> list[list[Front]]:
-    """Parts of each front outside all disks about some centres; untouched ones are themselves.
-
-    Their points are no more than `gap` mm apart.
-    """
-    parts = [[front] for front in fronts]
-    low, high = centres.mins.tolist(), centres.maxes.tolist()
-    for number in Fronts(fronts).near((*low, *high), radius):
-        chain = fronts[number].points
-        free = np.isinf(centres.query(chain, distance_upper_bound=radius)[0])
-        if not free.all():
-            parts[number] = [Front(part) for part in runs(chain, free, gap)]
-    return parts
-
-
 def joined(
     fronts: Sequence[Front],
     radius: float,
@@ -285,6 +327,8 @@ def joined(
         chain = np.concatenate([before[:-1], between, after[skip + 1 :]])
         chains = [item for index, item in enumerate(chains) if index not in (one, two)]
         chains.append(Front(chain))
+    for front in chains:
+        front.settled = True
     return chains
 
 
@@ -294,13 +338,8 @@ def _continuation(
     clearance: Clearances,
 ) -> tuple[int, int, int] | None:
     """The pair of chains that fits best, and the point of the second at which it goes on."""
-    found = _neighbours(chains, radius)
-    if not found:
-        return None
-    ends = np.array([chains[one].points[-1] for _, one, _, _ in found])
-    walled = clearance(ends) < AT_WALL * radius
-    for (_, one, two, skip), at_wall in zip(found, walled.tolist(), strict=True):
-        if at_wall and skip == 0:
+    for _, one, two, skip in _neighbours(chains, radius):
+        if skip == 0 and chains[one].end_clearance(clearance) < AT_WALL * radius:
             continue
         before, after = chains[one], chains[two].points
         at = skip
@@ -320,23 +359,25 @@ def _neighbours(chains: list[Front], radius: float) -> list[tuple[float, int, in
     Distance, numbers of both, and the point of the second at which it goes on beside the first, or
     0 where it begins there.
     """
-    heads = np.array([chain.head for chain in chains])
-    last = np.array([chain.points[-1] for chain in chains])
     reach = JOIN_GAP * radius
-    apart = (heads[:, 2] < last[:, :1] - reach) | (heads[:, 0] > last[:, :1] + reach)
-    apart |= (heads[:, 3] < last[:, 1:] - reach) | (heads[:, 1] > last[:, 1:] + reach)
+    fresh = [index for index, chain in enumerate(chains) if not chain.settled]
     found = []
-    for one, two in np.argwhere(~apart).tolist():
-        if one == two:
-            continue
-        chain = chains[two].points
-        head = chain[: min(HEAD, len(chain) - 2)] - last[one]
-        gap = np.hypot(head[:, 0], head[:, 1])
-        nearest = int(gap.argmin())
-        if nearest and gap[nearest] <= 4 * GRAZE * radius:
-            found.append((float(gap[nearest]), one, two, nearest))
-        elif gap[0] <= reach:
-            found.append((float(gap[0]), one, two, 0))
+    for one, chain in enumerate(chains):
+        x, y = chain.last
+        # those that are settled both have been refused before
+        for two in fresh if chain.settled else range(len(chains)):
+            left, low, right, high = chains[two].head
+            beside = left - reach <= x <= right + reach and low - reach <= y <= high + reach
+            if two == one or not beside:
+                continue
+            other = chains[two].points
+            head = other[: min(HEAD, len(other) - 2)] - chain.points[-1]
+            gap = np.hypot(head[:, 0], head[:, 1])
+            nearest = int(gap.argmin())
+            if nearest and gap[nearest] <= 4 * GRAZE * radius:
+                found.append((float(gap[nearest]), one, two, nearest))
+            elif gap[0] <= reach:
+                found.append((float(gap[0]), one, two, 0))
     return sorted(found)
 
 

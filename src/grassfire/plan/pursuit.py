@@ -54,7 +54,9 @@ class Pursuit(NamedTuple):
 
 def unit(angle: FloatArray | float) -> FloatArray:
     """(..., 2) unit vectors of angles in radians."""
-    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    result = np.empty((*np.shape(angle), 2))
+    result[..., 0], result[..., 1] = np.cos(angle), np.sin(angle)
+    return result
 
 
 def wrapped(angle: FloatArray) -> FloatArray:

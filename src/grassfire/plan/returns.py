@@ -32,6 +32,9 @@ AROUND, WALL_GAP = 1.5, 0.1
 PROBE, ARC_PROBE = 0.1, 0.015
 """Distance of the places that are looked at on straight ways and arcs, in tool radii."""
 
+FEW = 8
+"""Every so many of the places on ways is looked at first."""
+
 SLACK = 1e-3
 """How much nearer to the wall than the walls of the pocket places may be, mm."""
 
@@ -58,9 +61,9 @@ class Returns:
         self._stock: list[tuple[Fronts, float]] = []
         self._near_map: dict[tuple[Front, float], IntArray] = {}
 
-    def update(self, fronts: Sequence[Front], left: Sequence[Front] = ()) -> None:
+    def update(self, fronts: Fronts, left: Fronts) -> None:
         """Take note of the edges of the stock and of slivers that are left, in the frame."""
-        self._stock = [(Fronts(fronts), ROOM), (Fronts(left), SLIVER)]
+        self._stock = [(fronts, ROOM), (left, SLIVER)]
 
     def way(
         self, place: FloatArray, heading: float, start: Start, far: bool, smooth: bool = True
@@ -94,8 +97,15 @@ class Returns:
     def _first_clear(self, ways: Sequence[Path]) -> Path | None:
         """The first way of the frame that touches neither wall nor stock."""
         places, first = self._probes(ways)
-        clear = np.logical_and.reduceat(self._clear(places), first)
-        return ways[int(clear.argmax())] if clear.any() else None
+        # a few places tell nearly always of those that touch
+        few = np.union1d(np.arange(0, len(places), FEW), first)
+        touching = few[~self._clear(places[few])]
+        owner = first.searchsorted(touching, side="right") - 1
+        stops = [*first[1:].tolist(), len(places)]
+        for number, (low, high) in enumerate(zip(first.tolist(), stops, strict=True)):
+            if number not in owner and self._clear(places[low:high]).all():
+                return ways[number]
+        return None
 
     def over_map(self, place: FloatArray, start: Start) -> Path | None:
         """As `way`: over the road map."""
@@ -128,9 +138,8 @@ class Returns:
         if found is None:
             return None
         ways = [rounded(found, part * self._radius) for part in RADII]
-        places, first = self._probes(ways)
-        clear = np.logical_and.reduceat(self._clear(self._walls.frame(places)), first)
-        return ways[int(clear.argmax())] if clear.any() else found
+        chosen = self._first_clear([self._walls.path(way) for way in ways])
+        return found if chosen is None else self._walls.path(chosen)
 
     def free(self, places: FloatArray) -> BoolArray:
         """Where in the frame the tool touches neither wall nor stock; places need be on no way."""
@@ -176,7 +185,7 @@ class Returns:
         known, self._near_map = self._near_map, {}
         result = roomy.copy()
         for edges, least in self._stock:
-            for front in edges.items:
+            for front in edges:
                 rows = known.get((front, least))
                 if rows is None:
                     rows = touched(places, front, self._radius * (1 - least))

@@ -59,7 +59,7 @@ MOST_CHANGES = 2000
 """Changes between wall and open in one cut: more are a fault."""
 
 
-BITE, MOST_TURN = 1 / 64, np.radians(4.5)
+BITE, MOST_TURN = 1 / 60, np.radians(6.0)
 """Advance of the tool from tooth to tooth as a part of its radius; most that it may turn."""
 
 Near = Callable[[FloatArray, float], BoolArray]
@@ -172,8 +172,9 @@ class Tracer:
         edge, _ = swept_edge(cut.pieces[cut.lap].points, self._radius, self._step)
         gap = 0.6 * self._radius if cut.lap == 0 else 1e-6
         more = self._continued(cut.front, edge, gap)
-        cut.real = len(cut.front) + len(more) - 1
-        cut.front = np.concatenate([cut.front, (more if closed else self._extended(more))[1:]])
+        front = np.concatenate([cut.front, more[1:]])
+        cut.real = len(front)
+        cut.front = front if closed else self._extended(front)
         if not closed and cut.tail is not None:
             cut.real = max(cut.real - cut.tail(cut.front[: cut.real]), cut.index + 3)
         cut.lap = len(cut.pieces) if closed else -1
@@ -273,6 +274,9 @@ class Tracer:
     def _continued(self, front: FloatArray, edge: FloatArray, gap: float) -> FloatArray:
         """The edge that a lap left, from the end of the front that the lap followed."""
         end, along = front[-1], unit(direction(front[-2:]))
+        if not len(edge):
+            # a lap that a wall stopped at once
+            return end[None]
         offset = edge - end
         behind = (offset @ along <= gap) & (np.hypot(*offset.T) < 2 * self._radius)
         return densified(np.concatenate([end[None], edge[int(np.argmin(behind)) :]]), self._step)
@@ -326,6 +330,9 @@ class Tracer:
             cut.index = len(cut.front) - len(front) + stop - 1
             if stop == len(front):
                 return WHOLE, bearing
+            if cut.lap >= 0:
+                # a lap of a spiral goes on as one piece
+                return ENDED, bearing
             return self._pivoted(cut, way.centre[stop - 1], float(way.bearing[stop - 1]))
         sample = self._walls.nearest(way.centre[leave])
         cut.index = len(cut.front) - len(front) + leave
