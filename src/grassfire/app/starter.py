@@ -51,7 +51,7 @@ tool = 1
 depth = 2.0                   # CHECK: below the top of the stock
 stepdown = {stepdown}
 stepover = 0.4                # of the diameter; or engagement_angle = 75 (degrees)
-direction = "climb"           # or "conventional"
+direction = "climb"           # or "conventional"; adaptive: or "both"
 radial_allowance = 0.0        # left on the walls
 axial_allowance = 0.0         # left on the floor
 entry = "helix"               # or "ramp", "plunge"

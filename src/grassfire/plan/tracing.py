@@ -276,7 +276,7 @@ class Tracer:
         end, along = front[-1], unit(direction(front[-2:]))
         if not len(edge):
             # a lap that a wall stopped at once
-            return end[None]
+            return np.asarray(end[None])
         offset = edge - end
         behind = (offset @ along <= gap) & (np.hypot(*offset.T) < 2 * self._radius)
         return densified(np.concatenate([end[None], edge[int(np.argmin(behind)) :]]), self._step)
