@@ -178,6 +178,7 @@ def attempt(task: Task) -> Row:
     row: Row = {
         "pocket": task.pocket,
         "strategy": task.strategy,
+        "direction": task.direction,
         "stepover": task.stepover,
     }
     if task.program is not None:

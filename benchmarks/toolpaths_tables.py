@@ -74,7 +74,7 @@ def read_rows(path: Path) -> list[dict[str, Any]]:
     rows = {}
     for line in path.read_text(encoding="utf-8").splitlines():
         row = json.loads(line)
-        rows[row["strategy"], row["stepover"], row["pocket"]] = row
+        rows[row["strategy"], row["direction"], row["stepover"], row["pocket"]] = row
     return list(rows.values())
 
 
@@ -118,12 +118,15 @@ def markdown(rows: Sequence[Row], peers: Sequence[Row]) -> str:
     parts = [INTRODUCTION]
     if peers:
         parts += [*_side_by_side(rows, peers), ""]
-    for strategy in dict.fromkeys(row["strategy"] for row in rows):
-        for stepover in dict.fromkeys(row["stepover"] for row in rows):
-            own = [r for r in rows if r["strategy"] == strategy and r["stepover"] == stepover]
-            if own:
-                parts += [f"## {strategy}, stepover {100 * stepover:g} %", "", *_table(own), ""]
+    for kind in dict.fromkeys(map(_kind, rows)):
+        strategy, direction, stepover = kind
+        title = f"## {strategy}, {direction}, stepover {100 * stepover:g} %"
+        parts += [title, "", *_table([row for row in rows if _kind(row) == kind]), ""]
     return "\n".join(parts).rstrip() + "\n"
+
+
+def _kind(row: Row) -> tuple[str, str, float]:
+    return row["strategy"], row["direction"], row["stepover"]
 
 
 def _table(rows: Sequence[Row]) -> Iterator[str]:
@@ -167,12 +170,12 @@ def _side_by_side(rows: Sequence[Row], peers: Sequence[Row]) -> Iterator[str]:
     )
     yield "cut. Each cell: ours / FreeCAD's."
     for own, other, bar in PAIRS:
-        for stepover in dict.fromkeys(row["stepover"] for row in rows):
-            pairs = list(_pairs(rows, peers, own, other, stepover))
+        for kind in dict.fromkeys(map(_kind, rows)):
+            pairs = list(_pairs(rows, peers, kind, other)) if kind[0] == own else []
             if not pairs:
                 continue
             yield ""
-            yield f"### {own} against {other}, stepover {100 * stepover:g} %"
+            yield f"### {own}, {kind[1]}, against {other}, stepover {100 * kind[2]:g} %"
             yield ""
             yield (
                 "| pocket | time s | ratio | cut mm | retracts | lines | arcs | eng max | eng p99 "
@@ -189,17 +192,14 @@ def _side_by_side(rows: Sequence[Row], peers: Sequence[Row]) -> Iterator[str]:
 
 
 def _pairs(
-    rows: Sequence[Row], peers: Sequence[Row], own: str, other: str, stepover: float
+    rows: Sequence[Row], peers: Sequence[Row], kind: tuple[str, str, float], other: str
 ) -> Iterator[tuple[Row, Row]]:
     for row in rows:
-        if row["strategy"] != own or row["stepover"] != stepover or "failure" in row:
+        if _kind(row) != kind or "failure" in row:
             continue
+        key = other, kind[2], row["pocket"]
         for peer in peers:
-            if (peer["strategy"], peer["stepover"], peer["pocket"]) == (
-                other,
-                stepover,
-                row["pocket"],
-            ):
+            if (peer["strategy"], peer["stepover"], peer["pocket"]) == key:
                 yield row, peer
 
 

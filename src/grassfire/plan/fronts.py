@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, overload
 
@@ -39,6 +39,9 @@ AT_WALL = 0.1
 
 FOLD = 2.5
 """Where an edge runs back over itself by so many steps at most, its points there are dropped."""
+
+SLIVER = 12
+"""Fronts of so few points are compared with places together with others like them."""
 
 Clearances = Callable[[FloatArray], FloatArray]
 """Distance of points (n, 2) from the walls, (n,) mm."""
@@ -118,6 +121,9 @@ class Fronts(Sequence[Front]):
     def __len__(self) -> int:
         return len(self._items)
 
+    def __iter__(self) -> Iterator[Front]:
+        return iter(self._items)
+
     @overload
     def __getitem__(self, index: int) -> Front: ...
 
@@ -134,9 +140,15 @@ class Fronts(Sequence[Front]):
     def within(self, places: FloatArray, reach: float) -> BoolArray:
         """(n,) which places have a point of one of them nearer than `reach` mm."""
         result = np.zeros(len(places), dtype=bool)
-        if len(places) and self._items:
-            for front in self.near(box(places), reach):
-                result[touched(places, front, reach)] = True
+        if not len(places) or not self._items:
+            return result
+        near = self.near(box(places), reach)
+        slivers = [front.points for front in near if len(front) <= SLIVER]
+        if slivers:
+            near = [front for front in near if len(front) > SLIVER]
+            near.append(Front(np.concatenate(slivers)))
+        for front in near:
+            result[touched(places, front, reach)] = True
         return result
 
     def without(self, index: int) -> Fronts:

@@ -105,14 +105,16 @@ def _partial_products(
     By doubling: after k rounds row i holds the product of the last 2^k factors.
     """
     cos, sin = np.cos(half_turn), np.sin(half_turn)
-    entries = np.stack([cos * decay, -sin, sin * decay, cos])
-    reach, count = 1, len(decay)
-    while reach < count:
-        a, b, c, d = entries[:, :-reach]
-        p, q, r, s = entries[:, reach:]
-        product = np.stack([p * a + q * c, p * b + q * d, r * a + s * c, r * b + s * d])
+    entries = np.empty((2, 2, len(decay)))
+    entries[0, 0], entries[0, 1] = cos * decay, -sin
+    entries[1, 0], entries[1, 1] = sin * decay, cos
+    reach = 1
+    while reach < len(decay):
+        first, last = entries[:, :, :-reach], entries[:, :, reach:]
+        product = last[:, :1] * first[0]
+        product += last[:, 1:] * first[1]
         # only ratios count; without this they vanish on long fronts
-        product /= np.max(np.abs(product), axis=0)
-        entries = np.concatenate([entries[:, :reach], product], axis=1)
+        product /= np.abs(product).reshape(4, -1).max(axis=0)
+        last[...] = product
         reach *= 2
-    return entries[0], entries[1], entries[2], entries[3]
+    return entries[0, 0], entries[0, 1], entries[1, 0], entries[1, 1]

@@ -98,7 +98,9 @@ class Returns:
         """The first way of the frame that touches neither wall nor stock."""
         places, first = self._probes(ways)
         # a few places tell nearly always of those that touch
-        few = np.union1d(np.arange(0, len(places), FEW), first)
+        chosen = np.zeros(len(places), dtype=bool)
+        chosen[::FEW] = chosen[first] = True
+        few = chosen.nonzero()[0]
         touching = few[~self._clear(places[few])]
         owner = first.searchsorted(touching, side="right") - 1
         stops = [*first[1:].tolist(), len(places)]

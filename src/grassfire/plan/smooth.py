@@ -69,11 +69,41 @@ def fits(curves: Sequence[Samples]) -> list[Path]:
         low, high = low[~good], high[~good]
         middle = (low + high) // 2
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-    first, last, joints, turns = (np.concatenate(column) for column in zip(*done, strict=True))
-    order = np.argsort(first)
-    first, last = first[order], last[order]
+    columns = [np.concatenate(column) for column in zip(*done, strict=True)]
+    order = np.argsort(columns[0])
+    first, last, joints, turns = _merged(
+        points, headings, tolerance, *(column[order] for column in columns)
+    )
     count = np.diff(np.searchsorted(first, np.append(0, stop)))
-    return _as_paths(points[first], joints[order], points[last], turns[order], count)
+    return _as_paths(points[first], joints, points[last], turns, count)
+
+
+def _merged(
+    points: FloatArray,
+    headings: FloatArray,
+    tolerance: FloatArray,
+    first: IntArray,
+    last: IntArray,
+    joint: FloatArray,
+    turn: FloatArray,
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    """The same biarcs, with neighbours made one where one will do: every other pair by turns."""
+    idle, offset = 0, 0
+    while idle < 2:
+        every = np.arange(len(first))
+        goes_on = np.append(last[:-1] == first[1:], False)
+        # counted on each curve by itself, so that the others do not matter
+        begin = np.maximum.accumulate(np.where(np.append(True, ~goes_on[:-1]), every, 0))
+        rows = every[goes_on & ((every - begin) % 2 == offset)]
+        low, high = first[rows], last[rows + 1]
+        joints, turns = _biarcs(points[low], points[high], headings[low], headings[high])
+        good = _deviation(points, tolerance, low, high, joints, turns) <= 1.0
+        rows = rows[good]
+        last[rows], joint[rows], turn[rows] = high[good], joints[good], turns[good]
+        first, last = np.delete(first, rows + 1), np.delete(last, rows + 1)
+        joint, turn = np.delete(joint, rows + 1, axis=0), np.delete(turn, rows + 1, axis=0)
+        idle, offset = 0 if len(rows) else idle + 1, 1 - offset
+    return first, last, joint, turn
 
 
 def _deviation(
