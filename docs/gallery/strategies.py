@@ -9,6 +9,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import shapely
@@ -24,7 +25,13 @@ from grassfire.verify import OperationResult, Target, verify
 
 FloatArray = NDArray[np.float64]
 
-STRATEGIES = ("offset", "spiral", "adaptive")
+STRATEGIES: dict[str, tuple[str, Literal["climb", "both"]]] = {
+    "offset": ("offset", "climb"),
+    "spiral": ("spiral", "climb"),
+    "adaptive": ("adaptive", "climb"),
+    "adaptive-both": ("adaptive", "both"),
+}
+"""What is pictured: strategy and direction of the cuts, by name."""
 DEPTH = 3.0
 RADIUS = 3.0
 WIDTH, MARGIN, LEGEND = 760.0, 14.0, 26.0
@@ -115,10 +122,18 @@ class Picture:
         return f"{self.pocket}-{self.strategy}"
 
 
-def job_of(strategy: str) -> Job:
+def job_of(name: str) -> Job:
     """The job of all pictures: 6 mm tool, stepover 40 %, one pass 3 mm deep."""
     tool = Tool(number=1, diameter=2 * RADIUS, spindle_speed=18000, feed=1200, plunge_feed=400)
-    operation = Operation(strategy=strategy, tool=1, depth=DEPTH, stepover=0.4, link_feed=3000)
+    strategy, direction = STRATEGIES[name]
+    operation = Operation(
+        strategy=strategy,
+        direction=direction,
+        tool=1,
+        depth=DEPTH,
+        stepover=0.4,
+        link_feed=3000,
+    )
     drawing = InputSettings(file=Path("pocket.dxf"))
     return Job(name="gallery", input=drawing, tools=(tool,), operations=(operation,))
 
@@ -215,9 +230,9 @@ def page(pictures: Sequence[Picture]) -> str:
     lines = [
         "# Gallery: strategies",
         "",
-        "Three strategies on six pockets: 6 mm tool, stepover 40 % (78.5 degrees on a straight",
-        "cut), one pass 3 mm deep, climb, entry by helix, wall pass, links at 3000 mm/min, cuts at",
-        "1200 mm/min. Written by",
+        "Three strategies on six pockets, `adaptive` climbing and to and fro (both): 6 mm tool,",
+        "stepover 40 % (78.5 degrees on a straight cut), one pass 3 mm deep, entry by helix, wall",
+        "pass, links at 3000 mm/min, cuts at 1200 mm/min. Written by",
         "",
         "    python docs/gallery/strategies.py",
         "",
