@@ -33,6 +33,7 @@ from grassfire.plan.fronts import (
     length,
     runs,
     swept_edge,
+    touched,
 )
 from grassfire.plan.link import straight
 from grassfire.plan.offset import offset_pockets
@@ -242,7 +243,7 @@ class AdaptivePocket:
         for short, allowance in ((False, ALLOWANCE), (True, CUSP)):
             for it in pieces:
                 if (it.length <= SHORTEST * self._radius) == short:
-                    near[self._walls.touched(it, self._radius * (1 - allowance))] = True
+                    near[touched(self._walls.points, it, self._radius * (1 - allowance))] = True
         if not near.any():
             return []
         return self._walls.stretches(near, BESIDE)

@@ -9,7 +9,6 @@ from scipy.spatial import cKDTree
 
 from grassfire.medial import MedialAxis
 from grassfire.plan.boundary import Boundary
-from grassfire.plan.fronts import Front, touched
 from grassfire.plan.path import BoolArray, IntArray, Path, join
 from grassfire.toolpath import FloatArray
 
@@ -114,10 +113,6 @@ class Walls:
     def distance(self, points: FloatArray) -> FloatArray:
         """(n,) distance to the nearest sample, mm."""
         return np.asarray(self._tree.query(points)[0])
-
-    def touched(self, front: Front, reach: float) -> IntArray:
-        """Samples that have a point of a front nearer than `reach` mm."""
-        return touched(self.points, front, reach)
 
     def nearest(self, point: FloatArray) -> int:
         """Index of the nearest sample."""
