@@ -12,8 +12,9 @@ than the bars first:
   of its parabola through three of them, r the radius of a disk), and so close that the sagitta is
   at most a tenth of the bar on disks, closer still at reflex corners, where its parabola meets a
   kink.
-- A probe closer to a convex corner than that has its other contact among the points left out. So
-  the seed of the probes is the first that puts none of them there.
+- A probe close to a convex corner, or far up in a wedge, has its other contact among the points
+  left out, or in front of a disk too small for its parabola. So the seed of the probes is the
+  first that puts none of them there.
 - It draws an edge of the axis with 400 points. So edges are split (exactly, by de Casteljau's
   scheme) until their second differences bound the chords' error by a quarter of the bar on what
   is missing.
@@ -41,10 +42,9 @@ from mat import claimed_axis
 from numpy.typing import NDArray
 from oracle import Boundary
 from region_kinds import KINDS, moved, region
-from scipy.spatial import cKDTree
 
 from grassfire.errors import GeometryError
-from grassfire.geometry import CONVEX, REFLEX, Region
+from grassfire.geometry import REFLEX, Region
 from grassfire.medial import MedialAxis, medial_axis
 
 FloatArray = NDArray[np.float64]
@@ -125,25 +125,71 @@ def with_graded_corners(points: FloatArray, corners: FloatArray, spacing: float)
     return np.insert(points, where, np.concatenate(extra), axis=0)
 
 
-def probe_seed(given: Region, loops: list[list[Segment]], probes: int) -> int:
-    """Seed of the judge's probes that puts none next to a convex corner."""
+def probe_seed(loops: list[list[Segment]], probes: int, error: float) -> int:
+    """Seed of the judge's probes that puts none where it measures worse than `error`.
+
+    That is where the other contact of a probe is left out: next to convex corners, and far up in
+    wedges of a degree, wherever a point within six of the longest chords (three are left out; the
+    parabola takes one more on both sides) makes a smaller disk than those beyond. And where disks
+    are so small that a parabola does not follow the radii: through every second point it is off by
+    eight times as much.
+    """
     begin = np.array([segment[1] for loop in loops for segment in loop])
     step = np.array([segment[2] for loop in loops for segment in loop]) - begin
     length = np.hypot(*step.T)
-    tables = [loop.junctions(1e-9) for loop in given.loops]
-    corners = np.concatenate([table.point[table.kind == CONVEX] for table in tables])
-    if not len(corners):
-        return 5
-    tree = cKDTree(corners)
-    share = length / length.sum()
+    share, reach = length / length.sum(), 6 * length.max()
     for seed in range(5, 205):
         draw = np.random.default_rng(seed)
         chosen = draw.choice(len(length), probes, p=share)
+        along = step[chosen] / length[chosen, None]
         place = begin[chosen] + step[chosen] * draw.uniform(0.3, 0.7, probes)[:, None]
-        # Seen under a wide angle, the other contact is closer than the corner.
-        if tree.query(place)[0].min() > 10 * length.max():
+        normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        near, far, index = least_disks(place, normal, begin, reach)
+        around = (index[:, None] + np.arange(-2, 3)) % len(begin)
+        radius = disk_radius(begin[around] - place[:, None], normal)
+        bend = vertex_of(*radius[:, 1:4].T) - vertex_of(*radius[:, ::2].T)
+        good = (near >= far * (1 - 1e-6)) & (np.abs(bend) <= 7 * error)
+        # Contacts nearer than a fifth of the radius do not count.
+        away = np.hypot(*(begin[index] - place).T)
+        if np.all(good | (away <= 0.2 * far)):
             return seed
-    return 5
+    raise ValueError("every set of probes has one that the judge cannot measure")
+
+
+def disk_radius(chord: FloatArray, normal: FloatArray) -> FloatArray:
+    """Radii (n, m) of the disks with normals (n, 2) through points at chords (n, m, 2)."""
+    square = np.einsum("ijk,ijk->ij", chord, chord)
+    height = 2 * np.einsum("ijk,ik->ij", chord, normal)
+    radius = np.full_like(height, np.inf)
+    np.divide(square, height, out=radius, where=height > 1e-12)
+    return radius
+
+
+def least_disks(
+    place: FloatArray, normal: FloatArray, points: FloatArray, reach: float
+) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
+    """Radii (n,) of the least disks at places that touch points within `reach`, and beyond it; and
+    the points (n,) that the latter touch."""
+    near, far = np.empty((2, len(place)))
+    index = np.empty(len(place), dtype=np.int64)
+    for start in range(0, len(place), 4):
+        part = slice(start, start + 4)
+        chord = points - place[part, None]
+        close = np.einsum("ijk,ijk->ij", chord, chord) < reach**2
+        radius = disk_radius(chord, normal[part])
+        near[part] = np.where(close, radius, np.inf).min(axis=1)
+        beyond = np.where(close, np.inf, radius)
+        far[part], index[part] = beyond.min(axis=1), beyond.argmin(axis=1)
+    return near, far, index
+
+
+def vertex_of(first: FloatArray, middle: FloatArray, last: FloatArray) -> FloatArray:
+    """Lowest values (n,) of parabolas through three values at equal steps, as the judge has it."""
+    with np.errstate(invalid="ignore"):
+        bend = first - 2 * middle + last
+    known = np.isfinite(bend) & (bend > 0)
+    slope = np.where(known, first, 0.0) - np.where(known, last, 0.0)
+    return np.asarray(middle - slope**2 / (8 * np.where(known, bend, 1.0)))
 
 
 def split_entry(entry: dict[str, Any], error: float) -> dict[str, Any]:
@@ -216,7 +262,7 @@ def examine(task: tuple[str, int], options: argparse.Namespace) -> Verdict:
         return Verdict(kind, seed, {}, (str(error),), "engine: no answer")
     entry = split_entry(axis.to_dict(), options.missing / 4)
     loops = chords(given, options.spacing, options.disk_error / 10)
-    seed_of_probes = probe_seed(given, loops, options.probes)
+    seed_of_probes = probe_seed(loops, options.probes, options.missing / 4)
     figures = judge(entry, loops, samples=17, probes=options.probes, seed=seed_of_probes)
     faults = [
         f"{name} {figures[name]:.1e}"

@@ -28,6 +28,10 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+_FINE = 128
+"""Samples about a foot next to a centre of curvature."""
+_APART = 1e-3
+"""Least separation of feet that can be told apart."""
 
 
 def minimise(
@@ -183,21 +187,52 @@ class Boundary:
             columns.append(column)
         row, column = np.concatenate(rows), np.concatenate(columns)
         base, middle, step = piece[column], t[column], 1.0 / self.samples
-
-        def square(place: FloatArray) -> FloatArray:
-            away = self.evaluate(*self.wrap(base, place))[0] - points[row]
-            return np.asarray(np.sum(away * away, axis=1))
-
-        place, value = minimise(square, middle - step, middle + step)
-        # Corners are samples themselves.
-        at_sample = square(middle)
-        place = np.where(at_sample <= value, middle, place)
-        foot = self.evaluate(*self.wrap(base, place))[0]
-        distance = np.hypot(*(foot - points[row]).T)
+        place = self._nearest(points[row], base, middle, step)
+        foot, distance, twin = self._measured(points[row], base, place)
+        # Next to a centre of curvature two feet may lie between three samples.
+        row_of, at = self._twins(points[row[twin]], base[twin], place[twin], step)
+        owner, fine = twin[row_of], 4.0 * step / _FINE
+        again = self._nearest(points[row[owner]], base[owner], at, fine)
+        other, away, _ = self._measured(points[row[owner]], base[owner], again)
+        row = np.concatenate([row, row[owner]])
+        foot, distance = np.concatenate([foot, other]), np.concatenate([distance, away])
         least = np.full(len(points), np.inf)
         np.minimum.at(least, row, distance)
         keep = distance <= least[row] + slack
         return row[keep], foot[keep], distance[keep]
+
+    def _nearest(
+        self, points: FloatArray, base: IntArray, middle: FloatArray, step: float
+    ) -> FloatArray:
+        """Parameters on the pieces `base`, within a step of the middle, nearest to the points."""
+
+        def square(place: FloatArray) -> FloatArray:
+            away = self.evaluate(*self.wrap(base, place))[0] - points
+            return np.asarray(np.sum(away * away, axis=1))
+
+        place, value = minimise(square, middle - step, middle + step)
+        # Corners are samples themselves.
+        return np.where(square(middle) <= value, middle, place)
+
+    def _measured(
+        self, points: FloatArray, base: IntArray, place: FloatArray
+    ) -> tuple[FloatArray, FloatArray, IntArray]:
+        """Feet, their distances, and the rows whose points are near the centre of curvature."""
+        foot, _, curvature = self.frame(*self.wrap(base, place))
+        distance = np.hypot(*(foot - points).T)
+        return foot, distance, np.flatnonzero(np.abs(1 - curvature * distance) < 0.1)
+
+    def _twins(
+        self, points: FloatArray, base: IntArray, place: FloatArray, step: float
+    ) -> tuple[IntArray, FloatArray]:
+        """Row and parameter of the local minima of the distance among fine samples about feet."""
+        at = place[:, None] + step * np.linspace(-2.0, 2.0, _FINE + 1)
+        wide = np.broadcast_to(base[:, None], at.shape)
+        away = self.evaluate(*self.wrap(wide, at))[0] - points[:, None]
+        value = np.hypot(away[..., 0], away[..., 1])
+        low = (value[:, 1:-1] <= value[:, :-2]) & (value[:, 1:-1] <= value[:, 2:])
+        row, column = np.nonzero(low)
+        return row, at[row, column + 1]
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Distance of points (n, 2) to the boundary."""
@@ -444,7 +479,7 @@ def bisector_error(boundary: Boundary, disks: FloatArray) -> tuple[FloatArray, F
 
     With distances d and d' to the two feet most apart, in unit directions a and a', the nearest
     point with two equal distances is |d - d'| / |a - a'| away (to first order). The separation is
-    |a - a'|; where it is small the feet cannot be told apart and the first is the error of r only.
+    |a - a'|; below a thousandth the feet cannot be told apart and the first is the error of r only.
     """
     row, foot, distance = boundary.feet(disks[:, :2], slack=1e-4)
     direction = (foot - disks[row, :2]) / np.maximum(distance, 1e-300)[:, None]
@@ -455,7 +490,7 @@ def bisector_error(boundary: Boundary, disks: FloatArray) -> tuple[FloatArray, F
     nearest[row[hit]] = hit
     apart = np.hypot(*(direction - direction[nearest][row]).T)
     excess = np.abs(distance - least[row])
-    slip = np.where(apart > 0.02, excess / np.maximum(apart, 1e-300), np.inf)
+    slip = np.where(apart > _APART, excess / np.maximum(apart, 1e-300), np.inf)
     best = np.full(len(disks), np.inf)
     np.minimum.at(best, row, slip)
     separation = np.zeros(len(disks))

@@ -37,9 +37,11 @@ def region(kind: str, seed: int) -> Region:
 
 
 def simple(candidate: Region) -> bool:
-    """Whether the outlines neither cross nor touch, judged on fine chords."""
+    """Whether the outlines neither cross nor touch, judged on chords so fine that they show what
+    crosses next to corners of half a degree."""
     xmin, ymin, xmax, ymax = candidate.bounds()
-    chord = 2e-6 * float(np.hypot(xmax - xmin, ymax - ymin))
+    size = float(np.hypot(xmax - xmin, ymax - ymin))
+    chord, gap = 1e-7 * size, 8e-6 * size
     rings = []
     for loop in candidate.loops:
         if all(isinstance(curve, Line) for curve in loop.curves):
@@ -51,8 +53,8 @@ def simple(candidate: Region) -> bool:
     if not outline.is_valid:
         return False
     ring = outline.exterior
-    return all(ring.distance(hole) > 4 * chord for hole in outline.interiors) and apart(
-        outline.interiors, 4 * chord
+    return all(ring.distance(hole) > gap for hole in outline.interiors) and apart(
+        outline.interiors, gap
     )
 
 
