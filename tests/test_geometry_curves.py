@@ -82,6 +82,13 @@ def test_ends(curve: Curve) -> None:
     np.testing.assert_allclose(curve.end, curve.point(1.0), atol=1e-14)
 
 
+@pytest.mark.parametrize("sweep", [2 * np.pi, -2 * np.pi, 1.3, -4.0])
+def test_ends_of_arcs_are_their_points_to_the_bit(sweep: float) -> None:
+    arc = Arc(np.array([1e5, -0.3]), 7.7, 2.1, sweep)
+    np.testing.assert_array_equal(arc.start, arc.point(0.0))
+    np.testing.assert_array_equal(arc.end, arc.point(0.0 if arc.closed else 1.0))
+
+
 @EACH
 def test_tangent_normal_and_curvature(curve: Curve) -> None:
     first, second = curve.derivative(INNER), curve.derivative(INNER, 2)

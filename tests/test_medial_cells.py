@@ -26,6 +26,7 @@ def axis_of(name: str) -> MedialAxis:
 @pytest.fixture(autouse=True)
 def few_searches(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(certificate, "_EXHAUSTIVE", 5)
+    monkeypatch.setattr(certificate, "_STRAIGHT", 5)
 
 
 def certify(axis: MedialAxis, graph: Graph | None = None, fit: Fit | None = None) -> Certificate:

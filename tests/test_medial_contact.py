@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from grassfire.geometry import Arc, Bezier, EllipticalArc, Loop, Region
+from grassfire.geometry import Arc, Bezier, EllipticalArc, Line, Loop, Region
+from grassfire.medial import medial_axis
 from grassfire.medial.build import build_sites
 from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.sites import SiteKind, Sites
+from grassfire.medial.triple import triple_disks
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -46,6 +50,68 @@ def pairs(sites: Sites, seed: int) -> tuple[Tangents, IntArray]:
     return tangents_of(
         sites, site, sites.low[site] + share * (sites.high - sites.low)[site]
     ), target
+
+
+ARCH = Bezier(np.array([(10.0, 0.0), (0.0, 20.0), (-10.0, 0.0)]))
+"""A parabola: its curvature is largest in the middle."""
+
+
+def arch(cuts: list[float], kink: float = 0.0) -> Sites:
+    """Sites of the arch over a line, as several curves that meet in kinks of so many radians."""
+    bounds = [0.0, *cuts, 1.0]
+    parts = []
+    for low, high in itertools.pairwise(bounds):
+        points = ARCH.subcurve(low, high).control_points.copy()
+        if low > 0:
+            leg = points[1] - points[0]
+            points[1] += kink * np.array([-leg[1], leg[0]])
+        parts.append(Bezier(points))
+    return build_sites(Region(Loop((Line((-10.0, 0.0), (10.0, 0.0)), *parts))))[0]
+
+
+@pytest.mark.parametrize(
+    ("cut", "kink", "least"),
+    [(0.5, 0.0, 1e-5), (0.5, 5e-13, 1e-4), (0.5, -5e-13, 1e-4), (0.500002, 0.0, 1e-4)],
+)
+def test_contacts_across_a_cut_are_those_of_the_whole_curve(
+    cut: float, kink: float, least: float
+) -> None:
+    """Even where rounding gives it a kink, or leaves a sliver between it and an extremum."""
+    whole, parts = arch([]), arch([cut], kink)
+    assert len(whole) == 3
+    assert len(parts) == (3 if cut == 0.5 else 4)
+    away = np.geomspace(least, 0.4, 60)
+    first, last = np.ones(60, dtype=np.int64), np.full(60, len(parts) - 1)
+    none = np.full(60, np.nan)
+    _, radius = contact(whole, tangents_of(whole, first, 0.5 - away), first + 1, none)
+    _, same = contact(parts, tangents_of(parts, first, (0.5 - away) / cut), last, none)
+    np.testing.assert_allclose(same, radius, rtol=2e-11)
+    ahead = (0.5 + away - cut) / (1 - cut)
+    _, back = contact(parts, tangents_of(parts, last, ahead), first, none)
+    np.testing.assert_allclose(back, radius, rtol=2e-11)
+
+
+def test_disks_of_three_sites_are_found_again_from_nearby() -> None:
+    axis = medial_axis(Region(Loop(bean().outer.curves), (circle(),)), 1e-9)
+    sites, graph = axis.sites, axis.graph
+    branch = np.flatnonzero(np.bincount(graph.first) == 3)
+    assert len(branch) == 2
+    for vertex in branch:
+        rows = np.flatnonzero(graph.first == vertex)
+        triple, at = graph.site[rows][None], graph.start[rows][None]
+        span = (sites.high - sites.low)[triple]
+        guess = np.clip(at + 0.05 * span, sites.low[triple], sites.high[triple])
+        centre, radius = graph.vertex_centre[[vertex]], graph.vertex_radius[[vertex]]
+        disks = triple_disks(sites, triple, centre + 0.3, 1.1 * radius, guess)
+        assert disks.good.all()
+        np.testing.assert_allclose(disks.centre, centre, atol=1e-10)
+        np.testing.assert_allclose(disks.radius, radius, atol=1e-10)
+        np.testing.assert_allclose(disks.parameter, at, atol=1e-9)
+
+
+def circle() -> Loop:
+    """An island of the bean."""
+    return Loop((Arc((18.0, -1.0), 2.5),))
 
 
 @pytest.mark.parametrize("name", sorted(REGIONS))

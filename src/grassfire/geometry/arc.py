@@ -155,9 +155,18 @@ class Arc(Curve):
         return tuple(values)
 
     @cached_property
+    def start(self) -> FloatArray:
+        """(2,) point at t = 0."""
+        return self._at(self.start_angle)
+
+    @cached_property
     def end(self) -> FloatArray:
         """(2,) point at t = 1; of a full circle exactly the start."""
-        return self.point(0.0 if self.closed else 1.0)
+        return self.start if self.closed else self._at(self.start_angle + self.sweep)
+
+    def _at(self, angle: float) -> FloatArray:
+        """(2,) point that is seen from the centre under an angle."""
+        return self.centre + self.radius * np.array([np.cos(angle), np.sin(angle)])
 
     def curvature(self, t: ArrayLike) -> FloatArray:
         """Return the constant curvature, shape (...)."""

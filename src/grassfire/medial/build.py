@@ -15,8 +15,13 @@ from grassfire.medial.sites import FloatArray, IntArray, SiteKind, Sites
 
 DUPLICATE = 1e-12
 """Distance of points that count as one, relative to the size of the region."""
+STRAIGHT = 1e-11
+"""Distance of a point from the line between its neighbours that makes no corner, relative to the
+size of the region."""
 _LINES = 3e-3
 """Share of the smooth angle that makes a corner of two lines."""
+_FEWEST = 4
+"""Pieces of a loop that are never made fewer."""
 CUSP = 1e-9
 """Turn off half a turn below which the sign of a junction's turn is rounding, radians."""
 
@@ -50,9 +55,11 @@ def build_sites(
     what lies between them makes no site, and the turn there is that between the neighbours that
     remain. Points farther apart are taken at their word, however short the line between them:
     its direction is what the coordinates say, and its corners are convex, reflex or smooth by
-    the two angles as any other. A cusp inside a free curve is a corner too, of half a turn; a
-    length of 1e-13 of the curve's size is left out on both sides of it, where the curve has no
-    direction.
+    the two angles as any other; but where points may be moved at all (`merged`), one that lies
+    within 1e-11 of the size of the line between its neighbours is dropped: the contacts on both
+    sides of so flat a corner could not be told from the corner. A cusp inside a free curve is a
+    corner too, of half a turn; a length of 1e-13 of the curve's size is left out on both sides of
+    it, where the curve has no direction.
     """
     xmin, ymin, xmax, ymax = region.bounds()
     origin = np.array([(xmin + xmax) / 2, (ymin + ymax) / 2])
@@ -65,9 +72,38 @@ def build_sites(
     divided = divide(pieces, table, size)
     pieces = collapse(divided, least)
     moved = merged if len(pieces) < len(divided) else 0.0
+    pieces, bent = _straightened(pieces, min(STRAIGHT * size + 1e-14 * far, 0.1 * merged))
+    moved += bent
     turn = _turns(pieces, beziers, origin, max(least_fan, CUSP))
     sites = _assemble(pieces, table, turn, (smooth_angle, least_fan), origin, size)
     return replace(sites, merged=moved), beziers
+
+
+def _straightened(pieces: Pieces, limit: float) -> tuple[Pieces, float]:
+    """Lines that run on in lines made one, and how far that moved the boundary at most.
+
+    Of corners in a row every second is dropped at a time, so that what they are moved adds up.
+    """
+    moved = 0.0
+    while True:
+        after = neighbours(pieces.loop)[0]
+        one, two = pieces.extent, pieces.extent[after]
+        whole = one + two
+        line = pieces.kind == SiteKind.LINE
+        height = np.abs(cross(one, two)) / np.maximum(np.hypot(*whole.T), 1e-300)
+        flat = line & line[after] & (dot(one, two) > 0) & (moved + height <= limit)
+        flat &= np.bincount(pieces.loop)[pieces.loop] > _FEWEST
+        row = np.arange(len(pieces))
+        run = row - np.maximum.accumulate(np.where(flat, -1, row))
+        # The last corner of a loop, before the first piece, stays: the next round has another.
+        rows = np.flatnonzero(flat & (run % 2 == 1) & (after == row + 1))
+        if not (limit > 0 and len(rows)):
+            return pieces, moved
+        moved += float(height[rows].max())
+        pieces.set_lines(rows, pieces.start[rows], pieces.end[after[rows]])
+        kept = np.ones(len(pieces), dtype=bool)
+        kept[after[rows]] = False
+        pieces = pieces.take(kept)
 
 
 def _turns(

@@ -15,7 +15,7 @@ from grassfire.geometry.chebyshev import (
     interpolate_to_bezier,
 )
 from grassfire.geometry.neighbours import connected
-from grassfire.medial.edges import NODES, TOP, Fit, Span, evaluate_span, motion
+from grassfire.medial.edges import FEET_APART, NODES, TOP, Fit, Span, evaluate_span, motion
 from grassfire.medial.graph import Graph
 from grassfire.medial.nodes import WHOLE
 from grassfire.medial.recover import envelope, jets
@@ -33,6 +33,9 @@ _COMMON = 2.0
 
 _EXHAUSTIVE = 20_000
 """Disks up to which every one is compared with the whole boundary; of more, so many are."""
+
+_STRAIGHT = 1_000
+"""The same of polygons, whose cells have closed forms."""
 
 _SLACK = 1e-3
 """Share of the tolerance by which that search may overrate a distance."""
@@ -75,10 +78,10 @@ class Certificate:
         Difference between the area of the region and that of the disks' cells, mm^2.
     max_disk_error : float
         Largest difference between r* and the distance of c* to the boundary, mm. Of up to 20,000
-        disks (vertices and places on the edges) each is compared with the whole boundary. Of more,
-        20,000 are, evenly spread; all of them are compared with their own feet on both sides,
-        and no other site can be nearer because the spokes are found to cover the region once:
-        see "The certificate" in docs/theory.md.
+        disks (vertices and places on the edges; 1,000 of polygons) each is compared with the whole
+        boundary. Of more, so many are, evenly spread; all of them are compared with their own feet
+        on both sides, and no other site can be nearer because the spokes are found to cover the
+        region once: see "The certificate" in docs/theory.md.
     euler : bool
         Whether vertices - edges = 1 - holes and the axis is connected.
     """
@@ -103,8 +106,9 @@ def certify(
     (two between lines, arcs and points); lines and parabolas, which touch both of their sites all
     along, at their middle. A site that
     reached into disks between these places would be counted twice by the area identity. Eqs. (8)
-    and (9) must hold at the same places on both sides. Of more than 20,000 disks so many are
-    compared with the whole boundary, and that the others are empty follows from the cells.
+    and (9) must hold at the same places on both sides. Of more than 20,000 disks (1,000 of
+    polygons) so many are compared with the whole boundary, and that the others are empty follows
+    from the cells.
 
     Raises
     ------
@@ -121,7 +125,7 @@ def certify(
     _demand(sites, disks, interpolation, limit, "a disk of the medial axis misses its site")
     _demand(sites, disks, same, limit, "the recovered boundary is off")
     every, away = _disk_errors(sites, search, fit, disks, feet, tolerance)
-    if len(every) > _EXHAUSTIVE:
+    if len(every) > _exhaustive(sites):
         _demand_chain(sites, graph, tolerance)
         _demand_orientation(sites, fit, places, disks, limit)
     _demand(sites, every, away, tolerance, "a disk of the medial axis is off")
@@ -171,9 +175,10 @@ def _disk_errors(
     every = np.concatenate([vertices, disks])
     nearest = np.concatenate([np.full(len(vertices), np.inf), feet.min(axis=0)])
     chosen = np.arange(len(every))
-    if len(every) > _EXHAUSTIVE:
+    most = _exhaustive(sites)
+    if len(every) > most:
         nearest[: len(vertices)] = _vertex_distance(sites, fit, tolerance)
-        chosen = np.linspace(0, len(every) - 1, _EXHAUSTIVE).astype(np.int64)
+        chosen = np.linspace(0, len(every) - 1, most).astype(np.int64)
     centre, slack = every[chosen, :2], _SLACK * tolerance
     found = search.nearest(centre, slack=slack, bound=every[chosen, 2] + tolerance)[0]
     far = np.flatnonzero(np.isinf(found) & np.isinf(nearest[chosen]))
@@ -181,6 +186,11 @@ def _disk_errors(
         found[far] = search.nearest(centre[far], slack=slack)[0]
     nearest[chosen] = np.minimum(nearest[chosen], found)
     return every, np.abs(nearest - every[:, 2])
+
+
+def _exhaustive(sites: Sites) -> int:
+    """Number of disks that are compared with the whole boundary."""
+    return _EXHAUSTIVE if sites.curved else _STRAIGHT
 
 
 def _euler(region: Region, fit: Fit) -> bool:
@@ -285,8 +295,8 @@ def _demand_orientation(
         (span, span.last_disk, span.end, span.facing_end),
         (places.span, disks, places.parameter, places.facing),
     ):
-        near, _, _ = motion(sites, piece.site, own, disk[:, 2])
-        far, _, _ = motion(sites, piece.partner, other, disk[:, 2])
+        near, *_ = motion(sites, piece.site, own, disk[:, 2])
+        far, *_ = motion(sites, piece.partner, other, disk[:, 2])
         near, far = near * (piece.end - piece.start), far * (piece.facing_start - piece.facing_end)
         message = "a disk of the medial axis passes the centre of curvature of its site"
         _demand(sites, disk, -np.minimum(near, far), limit, message)
@@ -354,7 +364,7 @@ def _seen(sites: Sites, span: Span, disks: FloatArray, apart: FloatArray) -> Boo
     """
     length = np.abs(span.last_disk - span.first_disk).max(axis=1)
     distance = np.hypot(apart[:, 0], apart[:, 1])
-    return np.asarray((length > 1e-9 * sites.size) & (distance > 0.1 * disks[:, 2]))
+    return np.asarray((length > 1e-9 * sites.size) & (distance > FEET_APART * disks[:, 2]))
 
 
 def _recovery_errors(
@@ -499,7 +509,7 @@ def _density(
     shape = parameter.shape
     owner, flat = np.repeat(site, shape[1]), parameter.ravel()
     reach = radius.ravel()
-    moved, curvature, speed = motion(sites, owner, flat, reach)
+    moved, curvature, speed, _ = motion(sites, owner, flat, reach)
     point = sites.kind[owner] == SiteKind.POINT
     bend = np.where(point, 0.0, curvature)
     share = np.where(point, 0.5 * reach, reach - bend * reach**2 / 2)

@@ -22,7 +22,12 @@ from grassfire.medial.sites import (
     disk_through,
     dot,
 )
-from grassfire.medial.spiral_contact import Approach, lowered_differences, spiral_contact
+from grassfire.medial.spiral_contact import (
+    Approach,
+    lowered_differences,
+    spiral_contact,
+    turned_differences,
+)
 
 
 @dataclass(frozen=True)
@@ -50,8 +55,9 @@ class Tangents(Columns):
 class _Near(Columns):
     """Tangents against sites: how their chords are formed.
 
-    `same`: both on one Bezier curve. `adjacent`: the sites meet in j, at `end` of the target;
-    `relative` is p - j and `rise` is n.(j - p), both without cancellation.
+    `same`: both on one Bezier curve. `adjacent`: their curves meet in j, at the parameter `end`
+    of the target's; `relative` is p - j, `rise` is n.(j - p), and `sine` n.t of the direction t in
+    which the boundary passes j, all without cancellation; NaN where the junction has a kink.
     """
 
     tangents: Tangents
@@ -61,6 +67,7 @@ class _Near(Columns):
     end: FloatArray
     relative: FloatArray
     rise: FloatArray
+    sine: FloatArray
 
     def approach(self, rows: IntArray) -> Approach:
         """Rows, of which the targets are spirals."""
@@ -68,7 +75,7 @@ class _Near(Columns):
         return Approach(
             tangents.position[rows], tangents.normal[rows], tangents.parameter[rows],
             self.target[rows], self.same[rows], self.adjacent[rows], self.end[rows],
-            self.relative[rows], self.rise[rows],
+            self.relative[rows], self.rise[rows], self.sine[rows],
         )  # fmt: skip
 
 
@@ -120,29 +127,45 @@ def contact(
 
 def _near(sites: Sites, tangents: Tangents, target: IntArray) -> _Near:
     own, u = tangents.site, tangents.parameter
-    forward, backward = target == sites.following[own], target == sites.preceding[own]
-    # Two sites that are a whole loop meet twice: the nearer end counts.
-    closer = sites.high[own] - u <= u - sites.low[own]
-    forward &= ~backward | closer
-    adjacent = forward | backward
-    same = (sites.bezier[own] == sites.bezier[target]) & (sites.bezier[own] >= 0)
-    relative, rise = np.zeros((len(own), 2)), np.zeros(len(own))
-    rows = np.flatnonzero(adjacent)
+    # Curves that meet do so however they were cut: beyond a sliver chords would cancel, too.
+    runs = sites.runs
+    other = runs.number.take(target)
+    forward, backward = other == runs.after.take(own), other == runs.before.take(own)
+    curve = sites.bezier.take(own)
+    same = (curve == sites.bezier.take(target)) & (curve >= 0)
+    count = len(own)
+    relative, rise, sine, far = np.zeros((count, 2)), *np.zeros((3, count))
+    adjacent = (forward | backward) & ~same
+    rows = adjacent.nonzero()[0]
     if len(rows):
-        end = np.where(forward, sites.high[own], sites.low[own])
-        relative[rows], rise[rows] = _from_end(sites, tangents.take(rows), end[rows])
-    far = np.where(forward, sites.low[target], sites.high[target])
-    return _Near(tangents, target, same, adjacent & ~same, far, relative, rise)
+        site, at = own.take(rows), u.take(rows)
+        low, high = runs.low.take(site), runs.high.take(site)
+        # Two curves that are a whole loop meet twice: the nearer end counts.
+        ahead = forward.take(rows) & (~backward.take(rows) | (high - at <= at - low))
+        end = np.where(ahead, high, low)
+        relative[rows], rise[rows], lean = _from_end(sites, tangents.take(rows), end)
+        smooth = np.where(ahead, runs.smooth_after.take(site), runs.smooth_before.take(site))
+        sine[rows] = np.where(smooth, lean, np.nan)
+        facing = target.take(rows)
+        far[rows] = np.where(ahead, runs.low.take(facing), runs.high.take(facing))
+    return _Near(tangents, target, same, adjacent, far, relative, rise, sine)
 
 
-def _from_end(sites: Sites, tangents: Tangents, end: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """p - j and n.(j - p) for the point j at `end` of the point's own site."""
+def _from_end(
+    sites: Sites, tangents: Tangents, end: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """p - j, n.(j - p) and n.t for the point j at `end` of the point's own curve, t its direction.
+
+    NaN for the last at points of rational curves and in fans.
+    """
     own, u = tangents.site, tangents.parameter
     kind = sites.kind[own]
-    relative, rise = np.zeros((len(own), 2)), np.zeros(len(own))
-    line = kind == SiteKind.LINE
-    relative[line] = (u - end)[line, None] * sites.extent[own[line]]
-    arc = np.flatnonzero(kind == SiteKind.ARC)
+    relative, rise, sine = np.zeros((len(own), 2)), np.zeros(len(own)), np.full(len(own), np.nan)
+    line = (kind == SiteKind.LINE).nonzero()[0]
+    if len(line):
+        relative[line] = (u - end)[line, None] * sites.extent[own[line]]
+        sine[line] = 0.0
+    arc = (kind == SiteKind.ARC).nonzero()[0]
     if len(arc):
         start, sweep = sites.extent[own[arc]].T
         half = 0.5 * (u[arc] - end[arc]) * sweep
@@ -150,14 +173,21 @@ def _from_end(sites: Sites, tangents: Tangents, end: FloatArray) -> tuple[FloatA
         chord = 2 * sites.radius[own[arc]] * np.sin(half)
         relative[arc] = chord[:, None] * np.stack([-np.sin(middle), np.cos(middle)], axis=1)
         rise[arc] = np.sign(sweep) * 2 * sites.radius[own[arc]] * np.sin(half) ** 2
-    spiral = np.flatnonzero(kind == SiteKind.SPIRAL)
+        sine[arc] = -np.sin(2 * half)
+    spiral = (kind == SiteKind.SPIRAL).nonzero()[0]
     if len(spiral):
-        step = (end - u)[spiral]
-        table = sites.coefficients[sites.bezier[own[spiral]]]
-        one, two = lowered_differences(table, u[spiral], end[spiral], tangents.position[spiral])
+        far, place = end[spiral], u[spiral]
+        step = far - place
+        row, normal = sites.bezier[own[spiral]], tangents.normal[spiral]
+        table = sites.coefficients[row]
+        one, two = lowered_differences(table, place, far, tangents.position[spiral])
         relative[spiral] = -step[:, None] * one
-        rise[spiral] = step**2 * dot(tangents.normal[spiral], two)
-    return relative, rise
+        rise[spiral] = step**2 * dot(normal, two)
+        if not sites.rational.any():
+            bend, direction = turned_differences(sites.polynomial.take(row, axis=2), place, far)
+            speed = np.hypot(direction[:, 0], direction[:, 1])
+            sine[spiral] = step * dot(normal, bend) / speed
+    return relative, rise, sine
 
 
 # -- closed forms ---------------------------------------------------------------------------------

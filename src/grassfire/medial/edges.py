@@ -19,6 +19,9 @@ DEGREES = (1, 2, 3, 4, 6, 12)
 TOP = DEGREES[-1]
 NODES = nodes(TOP)
 
+FEET_APART = 0.1
+"""Share of the radius below which the feet of a disk are too close for derivatives to tell them."""
+
 _PREFERENCE = np.zeros((4, 4), dtype=np.int64)
 _PREFERENCE[SiteKind.LINE] = 3
 _PREFERENCE[SiteKind.SPIRAL] = 2
@@ -256,16 +259,17 @@ def evaluate_span(
 
 def motion(
     sites: Sites, site: IntArray, parameter: FloatArray, radius: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """How the centre of a maximal disk moves across its normal, curvatures, and speeds, each (n,).
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """How the centre of a maximal disk moves across its normal, curvatures, and speeds, (n,) each,
+    and boundary points (n, 2).
 
     The centre is c = p + r n with n' = -k p', so that dc = (1 - k r) dp + n dr: per unit of
     parameter |p'| (1 - k r), and r times the turn of the normal at a reflex corner. The speed is
     |p'|, or that of the end of the normal at the radius in a fan.
     """
-    _, _, curvature, speed = sites.moving_frame(site, parameter)
+    position, _, curvature, speed = sites.moving_frame(site, parameter)
     point = np.flatnonzero(sites.kind[site] == SiteKind.POINT)
     moved = speed * (1 - np.where(np.isfinite(curvature), curvature, 0.0) * radius)
     speed[point] = np.abs(sites.extent[site[point], 1]) * radius[point]
     moved[point] = speed[point]
-    return moved, curvature, speed
+    return moved, curvature, speed, position

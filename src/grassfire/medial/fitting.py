@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from grassfire.errors import GeometryError
 from grassfire.geometry.chebyshev import bernstein, interpolate_to_bezier, nodes
 from grassfire.medial.edges import (
     DEGREES,
+    FEET_APART,
     NODES,
     TOP,
     Fit,
@@ -63,13 +65,14 @@ _CHORDS = 399
 class _Trials(Interpolants):
     """Spans whose polynomials are looked for: the degree is 0 where none is good enough. The error
     aimed at, disks (k, 13, 3) at the Chebyshev points, the largest 1 - k r at the ends (k,), which
-    is 0 where derivatives do not matter, slopes (k, 2) of the contacts by the fraction at both
-    ends, and how often to halve those that are not good enough, towards the start (> 0) or end
-    (< 0)."""
+    is 0 where derivatives do not matter, whether halving has to end soon, slopes (k, 2) of the
+    contacts by the fraction at both ends, and how often to halve those that are not good enough,
+    towards the start (> 0) or end (< 0)."""
 
     goal: FloatArray
     disks: FloatArray
     sharpness: FloatArray
+    late: BoolArray
     slope: FloatArray
     grade: IntArray
 
@@ -168,14 +171,25 @@ def _turned(
     return _Trials.join(pieces.take(np.flatnonzero(~lost)), turned)
 
 
-def _ends(sites: Sites, span: Span) -> tuple[FloatArray, FloatArray]:
-    """Motion of the centre and 1 - k r at the own ends and at those facing them, (4, k) each."""
-    site = np.concatenate([span.site, span.site, span.partner, span.partner])
-    parameter = np.concatenate([span.start, span.end, span.facing_start, span.facing_end])
-    radius = np.tile(np.concatenate([span.first_disk[:, 2], span.last_disk[:, 2]]), 2)
-    moved, curvature, _ = motion(sites, site, parameter, radius)
-    bend = np.where(np.isfinite(curvature), curvature, 0.0)
-    return moved.reshape(4, -1), (1 - bend * radius).reshape(4, -1)
+class _Ends(NamedTuple):
+    """Of the own ends of pieces and of those facing them: how the centre moves and 1 - k r, (4, k)
+    each, and how far their feet are apart as a share of the radius, (k,) at most."""
+
+    moved: FloatArray
+    level: FloatArray
+    apart: FloatArray
+
+    @classmethod
+    def of(cls, sites: Sites, span: Span) -> _Ends:
+        site = np.concatenate([span.site, span.site, span.partner, span.partner])
+        parameter = np.concatenate([span.start, span.end, span.facing_start, span.facing_end])
+        radius = np.tile(np.concatenate([span.first_disk[:, 2], span.last_disk[:, 2]]), 2)
+        moved, curvature, _, position = motion(sites, site, parameter, radius)
+        bend = np.where(np.isfinite(curvature), curvature, 0.0)
+        feet = position[: 2 * len(span)] - position[2 * len(span) :]
+        apart = np.hypot(feet[:, 0], feet[:, 1]) / np.maximum(radius[: len(feet)], 1e-300)
+        level = (1 - bend * radius).reshape(4, -1)
+        return cls(moved.reshape(4, -1), level, apart.reshape(2, -1).max(axis=0))
 
 
 def _end_slopes(span: Span, moved: FloatArray) -> FloatArray:
@@ -228,10 +242,11 @@ def _interpolate(
     `steady` asks for good derivatives, too; (k, 15) `hint`s tell the contacts at all inner places.
     """
     count = len(span)
-    moved, level = _ends(sites, span)
+    ends = _Ends.of(sites, span)
     # What rounding does to the bisector of two lines, however parallel, it does along it.
     straight = _known_degree(sites, span) == 1
-    sharpness = np.maximum(level.max(axis=0), 1.0)
+    sharpness = np.maximum(ends.level.max(axis=0), 1.0)
+    late = straight | ~steady
     pieces = _Trials(
         span=span,
         degree=np.zeros(count, dtype=np.int64),
@@ -240,15 +255,16 @@ def _interpolate(
         facing=np.zeros((count, TOP + 1)),
         goal=goal,
         disks=np.zeros((count, TOP + 1, 3)),
-        sharpness=np.where(straight | ~steady, 0.0, sharpness),
-        slope=_end_slopes(span, moved),
+        sharpness=np.where(late | (ends.apart < FEET_APART), 0.0, sharpness),
+        late=late,
+        slope=_end_slopes(span, ends.moved),
         grade=np.ones(count, dtype=np.int64),
     )
     disks, facing = pieces.disks, pieces.facing
     disks[:, 0], disks[:, -1] = span.first_disk, span.last_disk
     facing[:, 0], facing[:, -1] = span.facing_start, span.facing_end
     if hint is None:
-        _coarse_and_fine(sites, pieces, moved)
+        _coarse_and_fine(sites, pieces, ends.moved)
         checks = np.full((count, len(_CHECKS), 3), np.nan)
     else:
         found, where = evaluate_span(sites, span, _INNER, hint)
@@ -361,7 +377,7 @@ def _deviation(pieces: _Trials, rows: IntArray, away: FloatArray) -> FloatArray:
     Vertices that rounding leaves open along the axis lie on it all the same. So on pieces that
     keep being halved next to them, short as they are, what points along the piece is no error.
     """
-    late = np.flatnonzero(pieces.sharpness[rows] == 0)
+    late = np.flatnonzero(pieces.late[rows])
     if len(late):
         chord = pieces.disks[rows[late], -1] - pieces.disks[rows[late], 0]
         square = np.maximum(np.einsum("ij,ij->i", chord, chord), 1e-300)

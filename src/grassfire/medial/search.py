@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,9 +11,10 @@ import numpy as np
 from grassfire.geometry.neighbours import Neighbours
 from grassfire.medial.columns import Columns
 from grassfire.medial.contact import Tangents, contact
+from grassfire.medial.reach import FarSamples
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, disk_through
 
-_FIRST_NEIGHBOURS = (12, 10)
+_FIRST_NEIGHBOURS = (8, 10)
 _FEW_NEIGHBOURS = 8
 _EARLIER = np.tri(_FEW_NEIGHBOURS, dtype=bool)
 _SAMPLES_PER_SITE = (2, 16)
@@ -20,6 +22,11 @@ _CROWDING = 60.0
 _TURNED = np.array([(np.cos(0.5), -np.sin(0.5)), (np.sin(0.5), np.cos(0.5))])
 """The tree has its own axes: its nodes split off points that are level with an axis one by one."""
 _STRIDE = 16
+_GLANCE = 0.1
+"""Share by which a first look at the distance may be off."""
+_CLOSE, _ROUGH = 1e-4, 1e-2
+_STEPS = 8
+"""Sites along which contacts are followed from where samples show them."""
 _MANY = 4096
 """Searches of so many points are spread over the processors, and started from every 16th; fewer
 points are given more neighbours at once."""
@@ -52,13 +59,15 @@ class Rivals(Columns):
 class _Candidates:
     """Pairs of a query row and a site that may be near: sample parameter and distance.
 
-    `complete` tells per row whether every site that reaches it is among them.
+    `complete` tells per row whether every site that reaches it is among them; where that is
+    `partial`, some site is, if there is any.
     """
 
     row: IntArray
     site: IntArray
     hint: FloatArray
     complete: BoolArray
+    partial: BoolArray
 
 
 class BoundarySearch:
@@ -80,6 +89,7 @@ class BoundarySearch:
 
     def __init__(self, sites: Sites, area: float, density: int = 1) -> None:
         self.sites = sites
+        self._far: FarSamples | None = None
         length, turn = _extents(sites)
         curved = sites.kind != SiteKind.POINT
         self.perimeter = float(length[curved].sum())
@@ -128,12 +138,50 @@ class BoundarySearch:
         least = np.maximum(farthest - self.most_bulge, 0.0) ** 2 - self.half_step**2
         return np.asarray(np.sqrt(np.maximum(least, 0.0)) >= radius - slack)
 
+    def seeing_far(self) -> BoundarySearch:
+        """The same search, quicker about the centres of disks that are large beside the detail.
+
+        Those disks are looked for among the samples of the sites alone that so large disks inside
+        the region can touch. It takes disks that reach across the boundary for inside ones where
+        samples do not tell: what it finds has to be certified.
+        """
+        far = FarSamples.among(self.sites, self.site, self.samples.points)
+        if far is None:
+            return self
+        result = copy(self)
+        result._far = far
+        return result
+
     def _query(
-        self, centre: FloatArray, neighbours: int, share: float = 0.0
-    ) -> tuple[FloatArray, IntArray]:
-        """Nearest samples, or some farther by a `share` of their distance."""
+        self, centre: FloatArray, neighbours: int, share: float, radius: FloatArray | None
+    ) -> tuple[FloatArray, IntArray, BoolArray]:
+        """Nearest samples, or some farther by a `share` of their distance.
+
+        Around disks of a `radius` (n,) that hold no samples to speak of, mm, only those count that
+        disks inside the region touch; columns that this leaves empty are infinitely far. Also where
+        samples were left out so: the nearest site is found then, but others may be missing.
+        """
         workers = -1 if len(centre) >= _MANY else 1
-        return self.samples.nearest(centre @ _TURNED, neighbours, share, workers)
+        place, far = centre @ _TURNED, self._far
+        if far is None or radius is None:
+            found = self.samples.nearest(place, neighbours, share, workers)
+            return *found, np.zeros(len(place), dtype=bool)
+        away = np.full((len(place), neighbours), np.inf)
+        index: IntArray = np.zeros((len(place), neighbours), dtype=np.int64)
+        glance = self.samples.nearest(place, 1, _GLANCE, workers)[0][:, 0]
+        least = (glance / (1 + _GLANCE)) ** 2 - self.half_step**2
+        distant = (least > far.radius**2) & (glance >= (1 - _GLANCE) * radius)
+        for chosen, samples, number in (
+            (distant, far.samples, far.row),
+            (~distant, self.samples, None),
+        ):
+            rows = chosen.nonzero()[0]
+            if len(rows):
+                count = min(neighbours, len(samples))
+                found = samples.nearest(place[rows], count, share, workers)
+                away[rows, :count] = found[0]
+                index[rows, :count] = found[1] if number is None else number[found[1]]
+        return away, index, distant
 
     # -- nearest ----------------------------------------------------------------------------------
 
@@ -248,8 +296,7 @@ class BoundarySearch:
         """Sites among the nearest samples that may come within `radius`; only such that may be the
         `nearest` if that is all that is asked for."""
         wanted = min(neighbours, len(self.site))
-        away, index = self._query(centre, wanted)
-        away, index = away.reshape(len(centre), wanted), index.reshape(len(centre), wanted)
+        away, index, partial = self._query(centre, wanted, 0.0, None if outside else radius)
         owner = self.site[index]
         allowed = np.ones(owner.shape, dtype=bool)
         if excluded is not None:
@@ -277,7 +324,9 @@ class BoundarySearch:
         head[1:] = ordered[1:] != ordered[:-1]
         chosen = order[head]
         row, column = row[chosen], column[chosen]
-        return _Candidates(row, target[chosen], self.parameter[index[row, column]], complete)
+        return _Candidates(
+            row, target[chosen], self.parameter[index[row, column]], complete, partial
+        )
 
     # -- maximal disks ----------------------------------------------------------------------------
 
@@ -311,10 +360,11 @@ class BoundarySearch:
         limit = np.minimum(limit, 2 * self.sites.size)
         count = len(tangents)
         best, partner, parameter = self._among(tangents, excluded, rivals)
-        radius = self._first_radius(tangents, np.minimum(limit, best), excluded)
+        radius, touched = self._first_radius(tangents, np.minimum(limit, best), excluded)
+        seen = self._walk(tangents, excluded, touched, best, partner, parameter)
+        radius = np.minimum(radius, best)
         active = np.arange(count)
         neighbours = np.full(count, _FIRST_NEIGHBOURS[count >= _MANY])
-        seen = np.zeros(0, dtype=np.int64)
         rounding = 1e-13 * self.sites.size
         restarted = np.zeros(count, dtype=bool)
         while len(active):
@@ -324,20 +374,18 @@ class BoundarySearch:
             found = self._candidates(centre, radius[rows], wanted, excluded[rows], rounding)
             key = rows[found.row] * len(self.sites) + found.site
             new = np.flatnonzero(~np.isin(key, seen)) if len(seen) else np.arange(len(key))
-            shrunk = np.zeros(count, dtype=bool)
             row, target = rows[found.row[new]], found.site[new]
-            if len(row):
-                where, rho = contact(self.sites, tangents.take(row), target, found.hint[new])
-                first, index = _minimum_by_row(row, rho)
-                better = rho[index] < best[first]
-                # A site is only worth another round when it moves the disk.
-                moved = better & (rho[index] < radius[first] * (1 - 1e-14))
-                shrunk[first[moved]] = True
-                first, index = first[better], index[better]
-                best[first] = rho[index]
-                partner[first] = target[index]
-                parameter[first] = where[index]
-                radius[first] = np.minimum(radius[first], rho[index])
+            where, rho = contact(self.sites, tangents.take(row), target, found.hint[new])
+            first, index = _minimum_by_row(row, rho)
+            better = (rho[index] < best[first]).nonzero()[0]
+            first, index = first[better], index[better]
+            best[first], partner[first], parameter[first] = (
+                rho[index], target[index], where[index],
+            )  # fmt: skip
+            # A site is only worth another round when it moves the disk.
+            shrunk = np.zeros(count, dtype=bool)
+            shrunk[first[rho[index] < radius[first] * (1 - 1e-14)]] = True
+            radius[first] = np.minimum(radius[first], rho[index])
             changed = shrunk[rows]
             # Contacts that are not where the samples told: start over from the largest disk.
             lost = ~changed & found.complete & (best[rows] > 1.001 * radius[rows])
@@ -348,7 +396,7 @@ class BoundarySearch:
             # Disks that are tangent at one point are nested: what reaches into a smaller one
             # reached into the one that was looked at.
             done = np.zeros(count, dtype=bool)
-            done[rows[found.complete & ~lost]] = True
+            done[rows[found.complete & ~lost & ~(found.partial & changed)]] = True
             active = active[~done[active]]
             seen = np.concatenate([seen, key[new]]) if len(active) else seen
             seen = seen[~done[seen // len(self.sites)]]
@@ -381,6 +429,48 @@ class BoundarySearch:
             index = index[np.isfinite(rho[index])]
             partner[touched], parameter[touched] = target[index], where[index]
         return best, partner, parameter
+
+    def _walk(
+        self,
+        tangents: Tangents,
+        excluded: IntArray,
+        touched: IntArray,
+        best: FloatArray,
+        partner: IntArray,
+        parameter: FloatArray,
+    ) -> IntArray:
+        """Exact disks from the sites of the samples `touched`, and on along the boundary as long as
+        contacts lie at the ends of sites. In place.
+
+        Mostly these are the disks that are looked for. Also keys of the contacts tried.
+        """
+        sites, count = self.sites, len(self.sites)
+        rows = np.flatnonzero(touched >= 0)
+        site, hint = self.site[touched[rows]], self.parameter[touched[rows]]
+        tried = [np.zeros(0, dtype=np.int64)]
+        step = np.zeros(len(rows), dtype=np.int64)
+        for _ in range(_STEPS):
+            # Contacts with spirals cost more than they spare.
+            use = (sites.kind[site] != SiteKind.SPIRAL).nonzero()[0]
+            rows, site, hint, step = rows[use], site[use], hint[use], step[use]
+            if not len(rows):
+                break
+            tried.append(rows * count + site)
+            where, rho = contact(sites, tangents.take(rows), site, hint)
+            better = (rho < best[rows]).nonzero()[0]
+            chosen = rows[better]
+            best[chosen], partner[chosen], parameter[chosen] = (
+                rho[better], site[better], where[better],
+            )  # fmt: skip
+            low, high = where <= sites.low[site], where >= sites.high[site]
+            on = (low & (step <= 0)) | (high & (step >= 0))
+            target = np.where(low, sites.preceding[site], sites.following[site])
+            on &= np.all(excluded[rows] != target[:, None], axis=1)
+            use = on.nonzero()[0]
+            rows, site = rows[use], target[use]
+            step = np.where(low[use], -1, 1)
+            hint = np.where(low[use], sites.high[site], sites.low[site])
+        return np.concatenate(tried)
 
     def _slide(
         self,
@@ -417,29 +507,33 @@ class BoundarySearch:
 
     def _first_radius(
         self, tangents: Tangents, limit: FloatArray, excluded: IntArray
-    ) -> FloatArray:
-        """Radii of disks that hold no sample, but for a percent or so.
+    ) -> tuple[FloatArray, IntArray]:
+        """Radii of disks that hold no sample, but for a percent or so, and the samples that they
+        touch, -1 where that is none.
 
         Of many points every 16th comes first; what it touches bounds the disks beside it.
         """
         position, normal = tangents.position, tangents.normal
         radius = limit.copy()
         count = len(radius)
+        touched = np.full(count, -1, dtype=np.int64)
         if count >= _MANY:
             coarse = np.arange(0, count, _STRIDE)
-            part, touched = self._shrink(position[coarse], normal[coarse], radius[coarse])
-            radius[coarse] = part
+            part, shown = self._shrink(position[coarse], normal[coarse], radius[coarse], _CLOSE)
+            radius[coarse], touched[coarse] = part, shown
             group = np.arange(count) // _STRIDE
             for follower in (group, np.minimum(group + 1, len(coarse) - 1)):
-                sample = touched[follower]
+                sample = shown[follower]
                 rho = disk_through(self.point[sample] - position, normal)
                 # Samples of a point's own sites tell nothing.
                 known = (sample >= 0) & np.all(excluded != self.site[sample, None], axis=1)
-                radius = np.where(known, np.minimum(radius, rho), radius)
-        return self._shrink(position, normal, radius)[0]
+                known &= rho < radius
+                radius, touched = np.where(known, rho, radius), np.where(known, sample, touched)
+        radius, shown = self._shrink(position, normal, radius, _ROUGH)
+        return radius, np.where(shown >= 0, shown, touched)
 
     def _shrink(
-        self, position: FloatArray, normal: FloatArray, radius: FloatArray
+        self, position: FloatArray, normal: FloatArray, radius: FloatArray, share: float
     ) -> tuple[FloatArray, IntArray]:
         """Shrink the disks to touch samples; and the sample that each touches, or -1."""
         radius = radius.copy()
@@ -449,13 +543,14 @@ class BoundarySearch:
             if not len(active):
                 break
             centre = position[active] + radius[active, None] * normal[active]
-            away, index = (column[:, 0] for column in self._query(centre, 1, 1e-2))
+            found = self._query(centre, 1, share, radius[active])
+            away, index = found[0][:, 0], found[1][:, 0]
             inside = away < radius[active] * (1 - 1e-7)
             active, index = active[inside], index[inside]
             rho = disk_through(self.point[index] - position[active], normal[active])
             shrunk = rho < radius[active]
             active, rho, index = active[shrunk], rho[shrunk], index[shrunk]
-            slow = rho > 0.99 * radius[active]
+            slow = rho > (1 - share) * radius[active]
             radius[active], touched[active] = rho, index
             active = active[~slow]
         return radius, touched

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,10 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
+ROUNDED_TURN = 1e-12
+"""Turn of a junction, radians, that rounding of the coordinates makes."""
+
+
 class SiteKind:
     """Geometry of a site: plain numbers, as members of an enumeration are slow in inner loops."""
 
@@ -30,6 +34,20 @@ class SiteKind:
     ARC: Final = 1
     SPIRAL: Final = 2
     POINT: Final = 3
+
+
+class Runs(NamedTuple):
+    """Runs of sites that are parts of one curve, (m,) each: the number of the run of each site and
+    those of the runs after and before it, the parameters where its own begins and ends, and whether
+    the junctions there turn by rounding only."""
+
+    number: IntArray
+    after: IntArray
+    before: IntArray
+    low: FloatArray
+    high: FloatArray
+    smooth_after: BoolArray
+    smooth_before: BoolArray
 
 
 @dataclass(frozen=True)
@@ -143,6 +161,26 @@ class Sites:
         return convex[self.preceding], convex, point[self.preceding], point[self.following]
 
     @cached_property
+    def runs(self) -> Runs:
+        """Runs of sites in a row that are parts of one curve."""
+        bezier = self.bezier
+        joined = (bezier[1:] == bezier[:-1]) & (bezier[1:] >= 0) & (self.loop[1:] == self.loop[:-1])
+        start = np.concatenate([[True], ~joined])
+        run = np.cumsum(start) - 1
+        first = start.nonzero()[0]
+        last = np.append(first[1:], len(run)) - 1
+        smooth = (np.abs(self.turn_after) <= ROUNDED_TURN) & ~self.corner_after
+        return Runs(
+            run,
+            run[self.following[last]][run],
+            run[self.preceding[first]][run],
+            self.low[first][run],
+            self.high[last][run],
+            smooth[last][run],
+            smooth[self.preceding[first]][run],
+        )
+
+    @cached_property
     def _direction(self) -> FloatArray:
         """(m, 2) direction of lines, 0 for others."""
         return np.where((self.kind == SiteKind.LINE)[:, None], self.extent, 0.0)
@@ -170,7 +208,7 @@ class Sites:
     def _spiral(self, row: IntArray, parameter: FloatArray, order: int) -> list[FloatArray]:
         if self.rational.any():
             return evaluate_rational(self.coefficients[row], parameter, order)
-        return _polynomial(self.polynomial.take(row, axis=2), parameter - 0.5, order)
+        return polynomial(self.polynomial.take(row, axis=2), parameter - 0.5, order)
 
     def point(self, site: IntArray, parameter: FloatArray) -> FloatArray:
         """(n, 2) boundary points."""
@@ -349,7 +387,7 @@ def evaluate_rational(
     return result
 
 
-def _polynomial(table: FloatArray, local: FloatArray, order: int) -> list[FloatArray]:
+def polynomial(table: FloatArray, local: FloatArray, order: int) -> list[FloatArray]:
     """Horner's rule for value and derivatives (n, 2) of polynomials (2, degree + 1, n)."""
     degree = table.shape[1] - 1
     values = [table[:, degree]]

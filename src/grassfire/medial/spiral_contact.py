@@ -54,6 +54,8 @@ class Approach(Columns):
         p - j without cancellation.
     rise : (n,) float array
         n.(j - p) without cancellation.
+    sine : (n,) float array
+        n.t for the direction t of the boundary in j, NaN where that is not the same on both sides.
     """
 
     position: FloatArray
@@ -65,6 +67,7 @@ class Approach(Columns):
     end: FloatArray
     relative: FloatArray
     rise: FloatArray
+    sine: FloatArray
 
 
 class _Jet(NamedTuple):
@@ -126,13 +129,15 @@ def _solve(
 class _Close:
     """Rows of which the chords come from divided differences: their numbers and polynomials.
 
-    With s = t - `start`, x = `x0` + s X(t) and h = `h0` + s H(t), or s^2 H(t) where `twice`.
+    With s = t - `start`, x = `x0` + s X(t) and h = `h0` + s H(t), or `h0` + s (`h1` + s H(t))
+    where `twice`.
     """
 
     row: IntArray
     start: FloatArray
     x0: FloatArray
     h0: FloatArray
+    h1: FloatArray
     twice: BoolArray
     x: FloatArray
     h: FloatArray
@@ -144,7 +149,8 @@ class _Close:
         kept = (place >= 0).nonzero()[0]
         place = place[kept]
         return _Close(
-            kept, self.start[place], self.x0[place], self.h0[place], self.twice[place],
+            kept, self.start[place], self.x0[place], self.h0[place], self.h1[place],
+            self.twice[place],
             self.x.take(place, axis=1), self.h.take(place, axis=1),
         )  # fmt: skip
 
@@ -158,7 +164,7 @@ class _Close:
             along = along * local + self.x[power]
             across = across * local + self.h[power]
         x[self.row] = self.x0 + step * along
-        h[self.row] = self.h0 + step * np.where(self.twice, step, 1.0) * across
+        h[self.row] = self.h0 + step * (self.h1 + np.where(self.twice, step, 1.0) * across)
 
 
 @dataclass
@@ -226,18 +232,29 @@ def _close(approach: Approach, curve: FloatArray) -> _Close | None:
     rows = (approach.same | approach.adjacent).nonzero()[0]
     if not len(rows):
         return None
-    twice = ~approach.adjacent[rows]
-    start = np.where(twice, approach.own[rows], approach.end[rows])
+    adjacent, sine = approach.adjacent[rows], approach.sine[rows]
+    # Where the boundary passes smoothly from curve to curve its direction there tells all.
+    passing = adjacent & (sine == sine)
+    twice = ~adjacent | passing
+    start = np.where(adjacent, approach.end[rows], approach.own[rows])
     once = _quotient(curve.take(rows, axis=2), start - 0.5)
-    nx, ny = approach.normal[rows].T
     again = np.zeros_like(once)
     again[:, :-1] = _quotient(once, start - 0.5)
+    nx, ny = approach.normal[rows].T
     base = -approach.relative[rows]
     x = ny * once[0] - nx * once[1]
     lifted = np.where(twice, again, once)
     h = nx * lifted[0] + ny * lifted[1]
-    x0 = np.where(twice, 0.0, ny * base[:, 0] - nx * base[:, 1])
-    return _Close(rows, start, x0, np.where(twice, 0.0, approach.rise[rows]), twice, x, h)
+    x0 = np.where(adjacent, ny * base[:, 0] - nx * base[:, 1], 0.0)
+    h0 = np.where(adjacent, approach.rise[rows], 0.0)
+    h1 = np.zeros(len(rows))
+    if passing.any():
+        local = start - 0.5
+        along = once[:, -1]
+        for power in range(once.shape[1] - 2, -1, -1):
+            along = along * local + once[:, power]
+        h1 = np.where(passing, sine * np.hypot(along[0], along[1]), 0.0)
+    return _Close(rows, start, x0, h0, h1, twice, x, h)
 
 
 def _quotient(curve: FloatArray, place: FloatArray) -> FloatArray:
@@ -330,6 +347,22 @@ def divided_differences(
         two += h2[:, None] * coefficients[:, degree]
         weight += power_b * coefficients[:, degree, 2]
     return one, two, weight
+
+
+def turned_differences(
+    curve: FloatArray, first: FloatArray, second: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """c'[a, b] and c'(b) (n, 2) of polynomials (2, degree + 1, n) in powers about 1/2."""
+    powers = np.arange(1.0, curve.shape[1])
+    slope = powers[:, None] * curve[:, 1:]
+    a, b = first - 0.5, second - 0.5
+    change = _quotient(slope, a)
+    direction, bend = slope[:, -1], change[:, -1]
+    for power in range(slope.shape[1] - 2, -1, -1):
+        direction = direction * b + slope[:, power]
+    for power in range(change.shape[1] - 2, -1, -1):
+        bend = bend * b + change[:, power]
+    return bend.T, direction.T
 
 
 def _lowered(difference: FloatArray, position: FloatArray, weight: FloatArray) -> FloatArray:

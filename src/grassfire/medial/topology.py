@@ -14,16 +14,16 @@ from dataclasses import replace
 import numpy as np
 
 from grassfire.errors import GeometryError
-from grassfire.medial.columns import equal_rows
+from grassfire.medial.branches import Branches, continues
 from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.crossing import crossing
 from grassfire.medial.nodes import WHOLE, Intervals, Junctions, Nodes
 from grassfire.medial.search import BoundarySearch, Contacts, Rivals
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
-from grassfire.medial.triple import TripleDisks, common_disk, triple_disks
+from grassfire.medial.triple import TripleDisks
 
-_CROWD = 64
-"""Neighbouring sites beyond which a disk common to all is tried first."""
+_SHARP = 1e-6
+"""Twice the area of the triangle of three unit normals above which a disk is well determined."""
 
 _PATIENCE = 8
 """Rounds after which crossings are bracketed that Newton's method does not settle."""
@@ -55,10 +55,14 @@ class Topology:
         self.sites = sites
         # A neighbour at a turn too flat for a corner cuts the disk of an arc by turn^2 / 2.
         self.slack = max(1e-12, smooth_angle**2)
-        self.search = search
+        # What a search leaves out far away could only be missed again.
+        self.search = search.seeing_far() if density == 1 else search
         self.snap = snap
-        # Length by which disks that are one may differ.
-        self.rounding = snap * 0.1 + 1e-13 * sites.size
+        # Length by which disks that are one may differ: lines and points have closed forms.
+        self.rounding = snap * 0.1 + 1e-13 * sites.size if sites.curved else 3e-15 * sites.size
+        self.branches = Branches(sites, self.search, snap, self.rounding)
+        # Distance below which two events are one vertex.
+        self.cluster = max(1e-9 * sites.size, 10 * snap)
         self.vertex_count = 0
         self.contact_arc = self._contact_arcs()
         self.nodes = self._first_nodes(density)
@@ -92,14 +96,19 @@ class Topology:
         """(n, 3) sites that a disk at `site` cannot touch again: itself, and round a reflex corner.
 
         A line or an arc and the corner at its end never share a disk of their own; (A) is 0 / 0
-        there and rounding would pretend otherwise.
+        there and rounding would pretend otherwise. Nor do lines that meet at a turn too small for
+        a corner.
         """
         sites = self.sites
         plain = (sites.kind == SiteKind.LINE) | (sites.kind == SiteKind.ARC)
         point = sites.kind == SiteKind.POINT
+        before, after = sites.preceding[site], sites.following[site]
         columns = [site]
-        for neighbour in (sites.preceding[site], sites.following[site]):
-            pair = (point[site] & plain[neighbour]) | (plain[site] & point[neighbour])
+        for neighbour, joined in (
+            (before, continues(sites, before, site)),
+            (after, continues(sites, site, after)),
+        ):
+            pair = (point[site] & plain[neighbour]) | (plain[site] & point[neighbour]) | joined
             columns.append(np.where(pair, neighbour, site))
         return np.stack(columns, axis=1)
 
@@ -352,7 +361,7 @@ class Topology:
         # Contacts beside a curvature maximum are known to few digits, their disks to all.
         moved = np.abs(np.diff(nodes.centre, axis=0)).max(axis=1, initial=0.0)
         moved = np.maximum(moved, np.abs(np.diff(nodes.radius)))
-        wide &= (moved > self.snap) | (gap > 100 * self.snap)
+        wide &= (moved > self.cluster) | (gap > self.cluster)
         same = nodes.site[1:] == nodes.site[:-1]
         rows = np.flatnonzero(same & wide)
         group = np.concatenate([[0], np.cumsum(~same | wide)])
@@ -389,118 +398,45 @@ class Topology:
             bad = rows[~usable][0]
             place = nodes.centre[bad] + self.sites.origin
             raise GeometryError("a contact arc is interrupted", place=tuple(place))
-        disks = self._triples(nodes, rows, one, other)
-        empty, third, where_third = self._empty(disks)
+        guess = self.branches.guess(nodes, rows, one, other)
+        disks = self.branches.disks(guess)
+        empty, third, where_third = self.branches.empty(disks)
+        closed = disks.good & empty
         parts: list[Nodes] = []
-        known = np.flatnonzero(disks.good & empty)
-        if len(known):
-            triple = np.stack([site, one, other], axis=1)[known]
-            parts.append(self._branch_nodes(triple, disks, known))
+        found, triple = [disks.take(closed)], [guess.triple[closed]]
+        if patient:
+            inner = np.flatnonzero(~closed & (third >= 0))
+            between = guess.through(inner, disks, third, where_third)
+            both = self.branches.disks(between)
+            good = both.good & (np.abs(both.determinant) > _SHARP) & self.branches.empty(both)[0]
+            found.append(both.take(good))
+            triple.append(between.triple[good])
+            closed[inner[np.flatnonzero(good) % max(len(inner), 1)]] = True
+        every = TripleDisks.join(*found)
+        if len(every.radius):
+            parts.append(self._branch_nodes(np.concatenate(triple), every))
         # Another site reaches in, or takes over where a contact leaves its own: look there; or
         # half way, where Newton's method went astray.
-        open_rows = np.flatnonzero(~(disks.good & empty))
-        if len(open_rows) and patient:
+        rest = np.flatnonzero(~closed)
+        if len(rest) and patient:
             start, end = nodes.parameter[rows], nodes.parameter[rows + 1]
             speed = self.sites.speed(site, disks.parameter[:, 0], disks.radius)
             # Next to a node, as next to the end of a site, disks are rounding.
             beside = np.minimum(disks.parameter[:, 0] - start, end - disks.parameter[:, 0])
             apart = disks.settled & (beside * speed > 100 * self.snap)
-            where = np.where(apart, disks.parameter[:, 0], 0.5 * (start + end))[open_rows]
+            where = np.where(apart, disks.parameter[:, 0], 0.5 * (start + end))[rest]
             rivals = Rivals(
                 np.stack([one, other, third], axis=1),
                 np.stack([nodes.facing[rows], nodes.facing[rows + 1], where_third], axis=1),
             )
-            chosen = rivals.take(open_rows)
-            parts.append(self.plain_nodes(site[open_rows], where, True, chosen))
-        elif len(open_rows):
-            parts.extend(self._bracketed(nodes, rows[open_rows], one[open_rows], other[open_rows]))
+            parts.append(self.plain_nodes(site[rest], where, True, rivals.take(rest)))
+        elif len(rest):
+            parts.extend(self._bracketed(nodes, rows[rest], one[rest], other[rest]))
         return parts
 
-    def _triples(self, nodes: Nodes, rows: IntArray, one: IntArray, other: IntArray) -> TripleDisks:
-        """Disks tangent to a site and both its partners, between two nodes."""
-        site = nodes.site[rows]
-        left, right = nodes.parameter[rows], nodes.parameter[rows + 1]
-        triple = np.stack([site, one, other], axis=1)
-        facing = np.stack([nodes.facing[rows], nodes.facing[rows + 1]], axis=1)
-        middle = 0.5 * (self.sites.low + self.sites.high)
-        facing = np.where(np.isnan(facing), middle[triple[:, 1:]], facing)
-        parameter = np.concatenate([0.5 * (left + right)[:, None], facing], axis=1)
-        centre = 0.5 * (nodes.centre[rows] + nodes.centre[rows + 1])
-        radius = 0.5 * (nodes.radius[rows] + nodes.radius[rows + 1])
-        disks = self._rounds(triple)
-        rest = np.flatnonzero(~disks.good)
-        if len(rest):
-            found = triple_disks(
-                self.sites, triple[rest], centre[rest], radius[rest], parameter[rest]
-            )
-            disks.put(rest, found)
-        mine = disks.parameter[:, 0]
-        # Two sites that meet smoothly and a third are too close to singular for Newton's method.
-        near = (self.sites.following[site] == one) | (self.sites.following[site] == other)
-        near |= (self.sites.preceding[site] == one) | (self.sites.preceding[site] == other)
-        near |= (self.sites.following[one] == other) | (self.sites.preceding[one] == other)
-        curved = self.sites.kind[triple] == SiteKind.SPIRAL
-        doubtful = near & (curved.sum(axis=1) >= 2) & (np.abs(disks.determinant) < 1e-4)
-        doubtful |= (site == one) | (site == other) | (one == other)
-        # A node may be the branch point itself.
-        speed = np.maximum(self.sites.speed(site, mine, disks.radius), 1e-300)
-        margin = self.snap / speed
-        inside = (mine >= left - margin) & (mine <= right + margin) & ~doubtful
-        disks.parameter[:, 0] = np.clip(mine, left, right)
-        return replace(disks, good=disks.good & inside, settled=disks.settled & inside)
-
-    def _empty(self, disks: TripleDisks) -> tuple[BoolArray, IntArray, FloatArray]:
-        """Whether no other site reaches into the disks; equal disks are looked at once.
-
-        Also the sites that reach in farthest and the parameters there; -1 where none does.
-        """
-        result, parameter = np.zeros(len(disks.good), dtype=bool), np.full(len(disks.good), np.nan)
-        site = np.full(len(result), -1, dtype=np.int64)
-        rows = np.flatnonzero(disks.good)
-        if not len(rows):
-            return result, site, parameter
-        group = equal_rows(np.round(disks.centre[rows] / (1e-10 * self.sites.size)).T)
-        _, first, members = np.unique(group, return_index=True, return_counts=True)
-        chosen = rows[first]
-        away, nearest, where = self.search.nearest(disks.centre[chosen], bound=disks.radius[chosen])
-        away[members > 1] += 1e-10 * self.sites.size
-        result[rows] = disks.radius[rows] <= away[group] + self.rounding
-        site[rows], parameter[rows] = nearest[group], where[group]
-        return result, site, parameter
-
-    def _rounds(self, triple: IntArray) -> TripleDisks:
-        """Disks common to long runs of sites, each of which meets its neighbours.
-
-        About the centre of a regular polygon of very many sides every three neighbours have a disk
-        of their own, good to few digits or none; the disk that fits all sides by least squares is
-        good to all, and is taken where it touches the three.
-        """
-        sites = self.sites
-        count = len(triple)
-        centre, radius = np.zeros((count, 2)), np.zeros(count)
-        parameter, good = np.full((count, 3), np.nan), np.zeros(count, dtype=bool)
-        mine, one, other = triple.T
-        beside = (sites.preceding[mine] == one) & (sites.following[mine] == other)
-        beside &= np.all(sites.kind[triple] == SiteKind.LINE, axis=1)
-        rows = np.flatnonzero(beside)
-        run = np.concatenate([[0], np.cumsum(sites.following[mine[rows[:-1]]] != mine[rows[1:]])])
-        length = np.bincount(run[: len(rows)]) if len(rows) else np.zeros(0, dtype=np.int64)
-        for number in np.flatnonzero(length > _CROWD):
-            members = rows[run == number]
-            fit = common_disk(sites, triple[members], self.rounding)
-            if fit is None:
-                continue
-            touching = np.abs(fit.residual).max(axis=1) <= self.rounding
-            chosen = members[touching]
-            centre[chosen], radius[chosen] = fit.centre, fit.radius
-            parameter[chosen], good[chosen] = fit.parameter[touching], True
-        return TripleDisks(centre, radius, parameter, good.copy(), good, np.ones(count))
-
-    def _branch_nodes(self, triple: IntArray, disks: TripleDisks, rows: IntArray) -> Nodes:
+    def _branch_nodes(self, triple: IntArray, disks: TripleDisks) -> Nodes:
         """Events of branch points on all three of their sites, each branch point once."""
-        centre, radius, parameter = (
-            disks.centre[rows], disks.radius[rows], disks.parameter[rows],
-        )  # fmt: skip
+        centre, radius, parameter = disks.centre, disks.radius, disks.parameter
         order = np.lexsort((*centre.T, *np.sort(triple, axis=1).T))
         ranked = np.sort(triple, axis=1)[order]
         step = np.any(ranked[1:] != ranked[:-1], axis=1)

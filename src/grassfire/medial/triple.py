@@ -6,11 +6,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, dot
+from grassfire.medial.columns import Columns
+from grassfire.medial.sites import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    SiteKind,
+    Sites,
+    dot,
+    polynomial,
+)
+
+_STEPS = 16
+"""Most steps; a good start needs 5."""
+
+_SURE_STEPS = 6
+"""Steps after which those that do not halve are given up."""
 
 
 @dataclass(frozen=True)
-class TripleDisks:
+class TripleDisks(Columns):
     """Disks tangent to three sites each: centre (n, 2), radius (n,), parameters (n, 3).
 
     `settled` tells where the iteration found a disk of positive radius, `good` where its three
@@ -37,9 +52,10 @@ def triple_disks(
 ) -> TripleDisks:
     """Disks tangent to three sites, from a guess.
 
-    One step projects the centre on the sites and solves d_k + g_k . dc = r + dr for the move of the
-    centre, where d_k are the signed distances and g_k their gradients. Since distances are
-    stationary in the contacts, the convergence is quadratic in all unknowns together.
+    One step solves d_k + g_k . dc = r + dr for the move of the centre, where d_k are the signed
+    distances and g_k their gradients: to lines, arcs and points themselves, to spirals from their
+    tangents at the last parameters, which then follow the centre. That is Newton's method in all
+    unknowns together.
 
     Parameters
     ----------
@@ -51,35 +67,43 @@ def triple_disks(
         Guesses; parameters matter for spirals only.
     """
     count = len(triple)
-    centre, radius, parameter = centre.copy(), radius.copy(), parameter.copy()
+    centre, radius = centre.copy(), radius.copy()
     flat, determinant = triple.ravel(), np.zeros(count)
     rows, good = np.arange(count), np.zeros(count, dtype=bool)
-    # A good start needs 5 steps; strays are given up.
-    for _ in range(16):
+    feet = _Feet.of(sites, flat, parameter.ravel())
+    found = feet.parameter.copy()
+    least = np.full(count, np.inf)
+    for number in range(_STEPS):
         if not len(rows):
             break
-        part = _Feet(sites, triple[rows].ravel(), parameter[rows].ravel().copy())
-        away, gradient = part.distances(np.repeat(centre[rows], 3, axis=0))
-        away, gradient = away.reshape(-1, 3), gradient.reshape(-1, 3, 2)
-        shift, jump, determinant[rows] = _solve(gradient, away)
+        away, gradient = feet.distances(np.repeat(centre[rows], 3, axis=0))
+        shift, jump, determinant[rows] = _solve(gradient.reshape(-1, 3, 2), away.reshape(-1, 3))
         reach = np.hypot(shift[:, 0], shift[:, 1])
         usable = np.isfinite(reach) & np.isfinite(jump) & (reach < 2 * sites.size)
-        done = reach <= 2e-15 * sites.size + 1e-14 * np.abs(jump)
-        parameter[rows] = part.parameter.reshape(-1, 3)
+        slip = feet.follow(np.repeat(np.where(usable[:, None], shift, 0.0), 3, axis=0))
+        slip = slip.reshape(-1, 3).max(axis=1)
+        found.reshape(-1, 3)[rows] = feet.parameter.reshape(-1, 3)
         centre[rows[usable]] += shift[usable]
         radius[rows[usable]] = jump[usable]
-        good[rows] = done & usable
-        settled = reach <= 1e-9 * sites.size
+        done = reach <= 2e-15 * sites.size + 1e-14 * np.abs(jump)
+        done &= slip <= 1e-9 * sites.size
         # Where rounding keeps the steps alive the last ones are as good as any.
-        good[rows] |= settled & usable
-        rows = rows[usable & ~done]
+        settled = (reach <= 1e-9 * sites.size) & (slip <= 1e-6 * sites.size)
+        good[rows] = (done | settled) & usable
+        moved, before = np.maximum(reach, slip), least[rows]
+        stalled = moved >= 0.5 * before
+        stalled &= (number >= _SURE_STEPS) | (moved <= 1e-11 * sites.size)
+        least[rows] = np.minimum(moved, before)
+        stay = (usable & ~done & ~stalled).nonzero()[0]
+        if len(stay) < len(rows):
+            rows = rows[stay]
+            feet = feet.take((3 * stay[:, None] + np.arange(3)).ravel())
     low, high = sites.low[flat].reshape(-1, 3), sites.high[flat].reshape(-1, 3)
     margin = 1e-11 * (high - low)
-    held = np.all((parameter >= low - margin) & (parameter <= high + margin), axis=1)
+    found = found.reshape(-1, 3)
+    held = np.all((found >= low - margin) & (found <= high + margin), axis=1)
     good &= radius > 0
-    return TripleDisks(
-        centre, radius, np.clip(parameter, low, high), good, good & held, determinant
-    )
+    return TripleDisks(centre, radius, np.clip(found, low, high), good, good & held, determinant)
 
 
 @dataclass(frozen=True)
@@ -121,7 +145,7 @@ def _least_squares(
     sites: Sites, triple: IntArray, centre: FloatArray
 ) -> tuple[FloatArray, float, FloatArray, FloatArray]:
     """Centre, radius, residuals (n, 3) and parameters (n, 3) of the disk nearest to all sites."""
-    feet = _Feet(sites, triple.ravel(), np.full(triple.size, 0.5))
+    feet = _Feet.of(sites, triple.ravel(), np.full(triple.size, 0.5))
     radius = 0.0
     for _ in range(3):
         away, gradient = feet.distances(np.broadcast_to(centre, (triple.size, 2)))
@@ -136,16 +160,43 @@ def _least_squares(
 
 @dataclass
 class _Feet:
-    """Contacts under iteration: `parameter` is updated by `distances`."""
+    """Contacts under iteration: `parameter` is updated by `distances`, that of spirals by `follow`.
+
+    `curve` (2, degree + 1, s) holds the polynomials of the rows `spiral` (s,), where none of the
+    curves is rational; `frame` what `follow` needs of the last evaluation.
+    """
 
     sites: Sites
     site: IntArray
     parameter: FloatArray
+    spiral: IntArray
+    curve: FloatArray | None
+    frame: tuple[FloatArray, FloatArray, FloatArray] | None = None
+
+    @classmethod
+    def of(cls, sites: Sites, site: IntArray, parameter: FloatArray) -> _Feet:
+        """Feet on sites, at a guess."""
+        spiral = (sites.kind[site] == SiteKind.SPIRAL).nonzero()[0]
+        curve = None
+        if len(spiral) and not sites.rational.any():
+            curve = sites.polynomial.take(sites.bezier[site[spiral]], axis=2)
+        return cls(sites, site, parameter.copy(), spiral, curve)
+
+    def take(self, rows: IntArray) -> _Feet:
+        """Rows."""
+        kept = np.full(len(self.site), -1)
+        kept[self.spiral] = np.arange(len(self.spiral))
+        place = kept[rows]
+        spiral = (place >= 0).nonzero()[0]
+        curve = None if self.curve is None else self.curve.take(place[spiral], axis=2)
+        return _Feet(self.sites, self.site[rows], self.parameter[rows], spiral, curve)
 
     def distances(self, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Signed distances (n,) of the centres to the sites, carried on beyond their ends, and
-        the gradients (n, 2)."""
+        the gradients (n, 2); for spirals, to the tangents at the parameters."""
         sites, site = self.sites, self.site
+        if len(self.spiral) == len(site):
+            return self._spiral(centre)
         kind = sites.kind[site]
         away, gradient = np.zeros(len(site)), np.zeros((len(site), 2))
         for value, method in (
@@ -156,10 +207,47 @@ class _Feet:
             rows = np.flatnonzero(kind == value)
             if len(rows):
                 away[rows], gradient[rows] = method(rows, centre[rows])
-        rows = np.flatnonzero(kind == SiteKind.SPIRAL)
-        if len(rows):
-            away[rows], gradient[rows] = self._spiral(rows, centre[rows])
+        if len(self.spiral):
+            away[self.spiral], gradient[self.spiral] = self._spiral(centre[self.spiral])
         return away, gradient
+
+    def _spiral(self, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
+        rows = self.spiral
+        if self.curve is None:
+            derivatives = self.sites.derivatives(self.site[rows], self.parameter[rows], 2)
+        else:
+            derivatives = polynomial(self.curve, self.parameter[rows] - 0.5, 2)
+        point, first, second = derivatives
+        speed = np.hypot(first[:, 0], first[:, 1])
+        normal = np.empty_like(first)
+        np.divide(first[:, 1], -speed, out=normal[:, 0])
+        np.divide(first[:, 0], speed, out=normal[:, 1])
+        offset = centre - point
+        self.frame = offset, first, second
+        return dot(offset, normal), normal
+
+    def follow(self, shift: FloatArray) -> FloatArray:
+        """Let the feet on spirals follow their centres, which move by (n, 2); the lengths (n,) by
+        which they do."""
+        slip = np.zeros(len(self.site))
+        if self.frame is None:
+            return slip
+        offset, first, second = self.frame
+        rows = self.spiral
+        site = self.site[rows]
+        low, high = self.sites.low[site], self.sites.high[site]
+        span = high - low
+        offset = offset + shift[rows]
+        flat = dot(first, first)
+        # Beyond the centre of curvature the foot is a maximum, which is as good to Newton's method.
+        curve = flat - dot(offset, second)
+        curve = np.where(np.abs(curve) > 1e-6 * flat, curve, flat)
+        step = np.minimum(np.maximum(dot(offset, first) / curve, -0.25 * span), 0.25 * span)
+        before, margin = self.parameter[rows], 0.05 * span
+        new = np.minimum(np.maximum(before + step, low - margin), high + margin)
+        self.parameter[rows] = new
+        slip[rows] = np.abs(new - before) * np.sqrt(flat)
+        return slip
 
     def _line(self, rows: IntArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
         site = self.site[rows]
@@ -191,22 +279,6 @@ class _Feet:
         delta = np.remainder(angle - (start + turn / 2) + np.pi, 2 * np.pi) - np.pi
         self.parameter[rows] = 0.5 + delta / turn
         return distance, offset / np.maximum(distance, 1e-300)[:, None]
-
-    def _spiral(self, rows: IntArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
-        site = self.site[rows]
-        low, high = self.sites.low[site], self.sites.high[site]
-        margin = 0.05 * (high - low)
-        point, first, second = self.sites.derivatives(site, self.parameter[rows], 2)
-        offset = point - centre
-        slope, flat = dot(offset, first), dot(first, first)
-        curve = flat + dot(offset, second)
-        curve = np.where(curve > 1e-6 * flat, curve, flat)
-        new = self.parameter[rows] - slope / curve
-        self.parameter[rows] = np.clip(new, low - margin, high + margin)
-        point, first = self.sites.derivatives(site, self.parameter[rows], 1)
-        speed = np.hypot(first[:, 0], first[:, 1])
-        normal = np.stack([-first[:, 1], first[:, 0]], axis=1) / speed[:, None]
-        return dot(centre - point, normal), normal
 
 
 def _solve(gradient: FloatArray, away: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -1,0 +1,163 @@
+"""Branch points: disks tangent to a stretch of the boundary and to both sites that it faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from grassfire.medial.columns import Columns, equal_rows
+from grassfire.medial.nodes import Nodes
+from grassfire.medial.search import BoundarySearch
+from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
+from grassfire.medial.triple import TripleDisks, common_disk, triple_disks
+
+_CROWD = 64
+"""Neighbouring sites beyond which a disk common to all is tried first."""
+
+
+@dataclass(frozen=True)
+class Guess(Columns):
+    """Triples of sites (n, 3), the stretch of the first from `left` to `right`, and where their
+    contacts (n, 3) and disks are expected."""
+
+    triple: IntArray
+    left: FloatArray
+    right: FloatArray
+    parameter: FloatArray
+    centre: FloatArray
+    radius: FloatArray
+
+    def through(
+        self, rows: IntArray, disks: TripleDisks, third: IntArray, where: FloatArray
+    ) -> Guess:
+        """The first and third, then the third and last sites, where the third reaches in."""
+        part = replace(
+            self.take(rows),
+            parameter=disks.parameter[rows],
+            centre=disks.centre[rows],
+            radius=disks.radius[rows],
+        )
+        both = []
+        for column in (2, 1):
+            triple, parameter = part.triple.copy(), part.parameter.copy()
+            triple[:, column], parameter[:, column] = third[rows], where[rows]
+            both.append(replace(part, triple=triple, parameter=parameter))
+        return Guess.join(*both)
+
+
+def continues(sites: Sites, first: IntArray, second: IntArray) -> BoolArray:
+    """Whether lines `first` (n,) run on in lines `second` at a turn too small for a corner."""
+    line = sites.kind == SiteKind.LINE
+    joined = (sites.following[first] == second) & ~sites.corner_after[first]
+    return np.asarray(joined & line[first] & line[second])
+
+
+@dataclass(frozen=True)
+class Branches:
+    """Finds branch points.
+
+    Attributes
+    ----------
+    sites : Sites
+    search : BoundarySearch
+    snap : float
+        Length below which two boundary points are one, mm.
+    rounding : float
+        Length by which disks that are one may differ, mm.
+    """
+
+    sites: Sites
+    search: BoundarySearch
+    snap: float
+    rounding: float
+
+    def guess(self, nodes: Nodes, rows: IntArray, one: IntArray, other: IntArray) -> Guess:
+        """Where to look for disks tangent to a site and both its partners, between two nodes."""
+        left, right = nodes.parameter[rows], nodes.parameter[rows + 1]
+        triple = np.stack([nodes.site[rows], one, other], axis=1)
+        facing = np.stack([nodes.facing[rows], nodes.facing[rows + 1]], axis=1)
+        middle = 0.5 * (self.sites.low + self.sites.high)
+        facing = np.where(np.isnan(facing), middle[triple[:, 1:]], facing)
+        return Guess(
+            triple,
+            left,
+            right,
+            np.concatenate([0.5 * (left + right)[:, None], facing], axis=1),
+            0.5 * (nodes.centre[rows] + nodes.centre[rows + 1]),
+            0.5 * (nodes.radius[rows] + nodes.radius[rows + 1]),
+        )
+
+    def disks(self, guess: Guess) -> TripleDisks:
+        """Disks tangent to a site and both its partners, within a stretch of the site."""
+        triple, left, right = guess.triple, guess.left, guess.right
+        site, one, other = triple.T
+        disks = self._rounds(triple)
+        rest = np.flatnonzero(~disks.good)
+        if len(rest):
+            part = guess.take(rest)
+            found = triple_disks(self.sites, part.triple, part.centre, part.radius, part.parameter)
+            disks.put(rest, found)
+        mine = disks.parameter[:, 0]
+        # Two sites that meet smoothly and a third are too close to singular for Newton's method.
+        near = (self.sites.following[site] == one) | (self.sites.following[site] == other)
+        near |= (self.sites.preceding[site] == one) | (self.sites.preceding[site] == other)
+        near |= (self.sites.following[one] == other) | (self.sites.preceding[one] == other)
+        curved = self.sites.kind[triple] == SiteKind.SPIRAL
+        doubtful = near & (curved.sum(axis=1) >= 2) & (np.abs(disks.determinant) < 1e-4)
+        doubtful |= (site == one) | (site == other) | (one == other)
+        for first, second in ((site, one), (site, other), (one, other)):
+            doubtful |= continues(self.sites, first, second) | continues(self.sites, second, first)
+        # A node may be the branch point itself.
+        speed = np.maximum(self.sites.speed(site, mine, disks.radius), 1e-300)
+        margin = self.snap / speed
+        inside = (mine >= left - margin) & (mine <= right + margin) & ~doubtful
+        disks.parameter[:, 0] = np.clip(mine, left, right)
+        return replace(disks, good=disks.good & inside, settled=disks.settled & inside)
+
+    def empty(self, disks: TripleDisks) -> tuple[BoolArray, IntArray, FloatArray]:
+        """Whether no other site reaches into the disks; equal disks are looked at once.
+
+        Also the sites that reach in farthest and the parameters there; -1 where none does.
+        """
+        result, parameter = np.zeros(len(disks.good), dtype=bool), np.full(len(disks.good), np.nan)
+        site = np.full(len(result), -1, dtype=np.int64)
+        rows = np.flatnonzero(disks.good)
+        if not len(rows):
+            return result, site, parameter
+        group = equal_rows(np.round(disks.centre[rows] / (1e-10 * self.sites.size)).T)
+        _, first, members = np.unique(group, return_index=True, return_counts=True)
+        chosen = rows[first]
+        away, nearest, where = self.search.nearest(disks.centre[chosen], bound=disks.radius[chosen])
+        away[members > 1] += 1e-10 * self.sites.size
+        result[rows] = disks.radius[rows] <= away[group] + self.rounding
+        site[rows], parameter[rows] = nearest[group], where[group]
+        return result, site, parameter
+
+    def _rounds(self, triple: IntArray) -> TripleDisks:
+        """Disks common to long runs of sites, each of which meets its neighbours.
+
+        About the centre of a regular polygon of very many sides every three neighbours have a disk
+        of their own, good to few digits or none; the disk that fits all sides by least squares is
+        good to all, and is taken where it touches the three.
+        """
+        sites = self.sites
+        count = len(triple)
+        centre, radius = np.zeros((count, 2)), np.zeros(count)
+        parameter, good = np.full((count, 3), np.nan), np.zeros(count, dtype=bool)
+        mine, one, other = triple.T
+        beside = (sites.preceding[mine] == one) & (sites.following[mine] == other)
+        beside &= np.all(sites.kind[triple] == SiteKind.LINE, axis=1)
+        rows = np.flatnonzero(beside)
+        run = np.concatenate([[0], np.cumsum(sites.following[mine[rows[:-1]]] != mine[rows[1:]])])
+        length = np.bincount(run[: len(rows)]) if len(rows) else np.zeros(0, dtype=np.int64)
+        for number in np.flatnonzero(length > _CROWD):
+            members = rows[run == number]
+            fit = common_disk(sites, triple[members], self.rounding)
+            if fit is None:
+                continue
+            touching = np.abs(fit.residual).max(axis=1) <= self.rounding
+            chosen = members[touching]
+            centre[chosen], radius[chosen] = fit.centre, fit.radius
+            parameter[chosen], good[chosen] = fit.parameter[touching], True
+        return TripleDisks(centre, radius, parameter, good.copy(), good, np.ones(count))
