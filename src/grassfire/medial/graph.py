@@ -170,9 +170,16 @@ def _vertices(topology: Topology, intervals: Intervals) -> tuple[IntArray, Float
     renumber[used] = np.arange(len(used))
     label = renumber[component]
     owner = label[identity]
-    weight = np.bincount(owner, minlength=len(used)).astype(float)
+    # an end so near to a branch point that they are one stays where it is
+    turning = nodes.left[events] == nodes.right[events]
+    end = (np.bincount(identity, turning) == np.bincount(identity))[identity]
+    share = np.where(np.bincount(owner, end)[owner] > 0, end, True).astype(float)
+    weight = np.bincount(owner, share, minlength=len(used))
     mean = np.stack(
-        [np.bincount(owner, values, minlength=len(used)) / weight for values in (*centre.T, radius)]
+        [
+            np.bincount(owner, values * share, minlength=len(used)) / weight
+            for values in (*centre.T, radius)
+        ]
     )
     return label, np.asarray(mean[:2].T), np.asarray(mean[2])
 
