@@ -394,8 +394,8 @@ class AdaptivePocket:
         front = self._fronts[index]
         cut = sense.cut(front.points, start, self._fronts.without(index).within)
         if cut.begin is None:
-            # nothing to cut that a sample tells from nothing: the wall pass takes it
-            self._give_up(index)
+            # nothing to cut there that a sample tells from nothing
+            self._behead(index, sense)
             return place, heading
         if link is not None:
             self._stroke(StrokeKind.FEED, link, Role.LINK, air=True)
@@ -516,22 +516,24 @@ class AdaptivePocket:
         return cut.points[-1], float(cut.heading[-1])
 
     def _advance(self, front: Front, sense: Sense) -> None:
-        """Where a cut has left its front as it was, try the rest without its head from now on.
-
-        No cut begins at a head that folds back.
-        """
+        """Where a cut has left its front as it was, its head folds back: go on without it."""
         near, ends = self._step / 2, front.points[[0, -1]]
         for index, other in enumerate(self._fronts):
             if abs(other.length - front.length) >= 2 * near:
                 continue
             if np.hypot(*(other.points[[0, -1]] - ends).T).max() < near:
-                head, rest = other.points[: HEAD + 2], other.points[HEAD:]
-                if sense.against:
-                    head, rest = other.points[-HEAD - 2 :], other.points[:-HEAD]
-                self._left = self._left.plus([Front(head)])
-                self._fronts = self._fronts.without(index)
-                self._fronts = self._fronts.plus([Front(rest)] if len(rest) > 2 else [])
+                self._behead(index, sense)
                 return
+
+    def _behead(self, index: int, sense: Sense) -> None:
+        """Leave the head of a front, where no cut begins, to the wall pass; the rest is a front."""
+        points = self._fronts[index].points
+        head, rest = points[: HEAD + 2], points[HEAD:]
+        if sense.against:
+            head, rest = points[-HEAD - 2 :], points[:-HEAD]
+        self._left = self._left.plus([Front(head)])
+        others = self._fronts.without(index)
+        self._fronts = others.plus([Front(rest)]) if len(rest) > 2 else others
 
     def _thin(self, front: Front) -> bool:
         """Whether what is behind a front can be left to the last lap round the wall."""
