@@ -108,7 +108,8 @@ Made by `benchmarks/toolpaths.py`; do not edit. Pockets milled with the tool tha
 mm deep in three passes at 1200 mm/min, links and rapids at 5000 mm/min; machining time by a clock
 with 500 mm/s2 and a junction deviation of 0.01 mm. Engagement in degrees, from a raster that is
 good to about 3; *run* is the longest stretch above the limit + 6 degrees, and the limit is the
-engagement of a straight cut. *Ratio* is the cut length over passes x area / stepover, without links
+engagement of a straight cut. Helices descend by the angle of the other program's: 5 degrees for
+adaptive, 10 for offset. *Ratio* is the cut length over passes x area / stepover, without links
 at raised feed. CPU is planning alone, medial axis included.
 """
 

@@ -365,6 +365,15 @@ def test_swept_edge_is_the_right_side_of_the_swept_area(seed: int) -> None:
     assert np.all(np.diff(piece) >= 0) and piece.max() < len(chain) - 1
 
 
+def test_samples_in_the_wrong_order_make_no_loop() -> None:
+    """A turn on the spot may go back by less than a micrometre."""
+    points = np.array([[0.0, 0.0], [-1e-4, 0.0], [-2e-4, 1e-5], [0.005, 0.0], [0.012, 0.0]])
+    headings = np.radians([-2.0, -1.0, 0.0, 0.0, 0.0])
+    path = fits([(points, headings, np.full(5, 6e-3))])[0]
+    assert np.abs(path.sweep).max() <= np.pi / 2
+    assert np.abs(path.sample(1e-4)[0]).max(axis=0) == pytest.approx([0.012, 0.0], abs=5e-4)
+
+
 @pytest.mark.parametrize("turn", [1.0, 2.0, 5.0])
 def test_a_right_turn_on_the_spot_leaves_no_fold(turn: float) -> None:
     heading = np.radians(np.where(np.arange(40) < 20, 0.0, -turn))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from grassfire.plan.path import IntArray, Path
+from grassfire.plan.path import BoolArray, IntArray, Path
 from grassfire.plan.pursuit import unit, wrapped
 from grassfire.toolpath import FloatArray
 
@@ -65,6 +65,9 @@ def fits(curves: Sequence[Samples]) -> list[Path]:
         joint, turn = _biarcs(points[low], points[high], headings[low], headings[high])
         error = _deviation(points, tolerance, low, high, joint, turn)
         good = (error <= 1.0) | (high - low <= 1)
+        # between two samples that a turn on the spot has left in the wrong order
+        wrong = good & _turns_back(turn)
+        joint[wrong], turn[wrong] = (points[low[wrong]] + points[high[wrong]]) / 2, 0.0
         done.append((low[good], high[good], joint[good], turn[good]))
         low, high = low[~good], high[~good]
         middle = (low + high) // 2
@@ -135,8 +138,13 @@ def _deviation(
         off[rows] = np.abs(np.hypot(*(sample[rows] - centre).T) - radius)
     np.maximum.at(result, owner, off / tolerance[number])
     # a biarc that turns back has left its samples
-    result[np.any(np.abs(turn) > np.pi, axis=1)] = np.inf
+    result[_turns_back(turn)] = np.inf
     return result
+
+
+def _turns_back(turn: FloatArray) -> BoolArray:
+    """(m,) which biarcs have an arc of more than a right angle."""
+    return np.asarray(np.any(np.abs(turn) > np.pi / 2, axis=1))
 
 
 def _as_paths(
