@@ -169,7 +169,7 @@ def _side_by_side(rows: Sequence[Row], peers: Sequence[Row]) -> Iterator[str]:
     yield (
         "FreeCAD 0.20 (Debian), headless; its adaptive clearing links by rapids at the depth of the"
     )
-    yield "cut. Each cell: ours / FreeCAD's."
+    yield "cut. Each cell: ours / FreeCAD's; our cut mm hold the links, its rapids are left out."
     for own, other, bar in PAIRS:
         for kind in dict.fromkeys(map(_kind, rows)):
             pairs = list(_pairs(rows, peers, kind, other)) if kind[0] == own else []
