@@ -141,13 +141,8 @@ def _stays(topology: Topology, intervals: Intervals, rows: IntArray) -> BoolArra
     radius = np.where(np.isfinite(radius), radius, 0.0)
     centre = position + radius[:, None] * normal
     away = centre - np.repeat(topology.nodes.centre[intervals.first_node[rows]], 3, axis=0)
-    limit = 10 * cluster_length(topology)
+    limit = 10 * topology.cluster
     return np.asarray(np.all((np.hypot(away[:, 0], away[:, 1]) <= limit).reshape(-1, 3), axis=1))
-
-
-def cluster_length(topology: Topology) -> float:
-    """Distance below which two events are one vertex, mm."""
-    return max(1e-9 * topology.sites.size, 10 * topology.snap)
 
 
 def _vertices(topology: Topology, intervals: Intervals) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -157,7 +152,7 @@ def _vertices(topology: Topology, intervals: Intervals) -> tuple[IntArray, Float
     identity = nodes.vertex[events]
     centre, radius = nodes.centre[events], nodes.radius[events]
     links = [np.stack([identity, identity])]  # each with itself
-    links.extend(_neighbours(identity, centre, radius, cluster_length(topology)))
+    links.extend(_neighbours(identity, centre, radius, topology.cluster))
     links.append(_triples(topology, events))
     group = intervals.group[events]
     same = group[1:] == group[:-1]

@@ -29,6 +29,7 @@ from grassfire.plan.fronts import (
     Fronts,
     box,
     densified,
+    direction,
     joined,
     length,
     runs,
@@ -49,7 +50,6 @@ from grassfire.plan.tracing import (
     SAMPLING,
     Start,
     Tracer,
-    direction,
 )
 from grassfire.plan.wallpass import wall_pass
 from grassfire.plan.walls import Walls
@@ -265,7 +265,7 @@ class AdaptivePocket:
         whole = True
         for low, high in corners:
             start = Start(low, self._walls.points[low], float(self._walls.heading[low]))
-            link = self._returns.way(place, heading, start, True)
+            link = self._returns.way(place, heading, start)
             if link is not None:
                 self._stroke(StrokeKind.FEED, link, Role.LINK, air=True)
             elif np.hypot(*(place - start.point)) > 1e-9:

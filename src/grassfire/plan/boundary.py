@@ -7,6 +7,7 @@ import numpy as np
 from grassfire.medial import MedialAxis
 from grassfire.medial.sites import SiteKind, Sites
 from grassfire.plan.path import BoolArray, IntArray
+from grassfire.plan.pursuit import unit
 from grassfire.toolpath import FloatArray
 
 DIVISION = 4
@@ -114,8 +115,8 @@ class _Columns:
         half = sites.extent[:, 1] / 2
         middle = sites.extent[:, 0] + half
         limit = np.where(np.abs(half) < np.pi, np.cos(half), -2.0)
-        ends = [anchor + sites.radius[:, None] * _unit(middle + turn) for turn in (-half, half)]
-        columns = [anchor, sites.radius, _unit(middle), limit, np.sign(half), *ends]
+        ends = [anchor + sites.radius[:, None] * unit(middle + turn) for turn in (-half, half)]
+        columns = [anchor, sites.radius, unit(middle), limit, np.sign(half), *ends]
         self._bend = np.column_stack(columns)
 
     def distance(
@@ -161,7 +162,3 @@ class _Columns:
             end_x, end_y = np.where(last, last_x, first_x), np.where(last, last_y, first_y)
             away[rows] = np.hypot(x[rows] - end_x, y[rows] - end_y)
         return away, inside, at_end, high
-
-
-def _unit(angle: FloatArray) -> FloatArray:
-    return np.stack([np.cos(angle), np.sin(angle)], axis=1)

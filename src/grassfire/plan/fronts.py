@@ -87,7 +87,7 @@ class Front:
     @cached_property
     def leave(self) -> float:
         """Direction in which it ends, radians."""
-        return _direction(self.points[-4:])
+        return direction(self.points[-4:])
 
     @cached_property
     def last(self) -> tuple[float, float]:
@@ -359,7 +359,7 @@ def _continuation(
             # what runs back beside the end of the first is left out
             ahead = (after[:8] - before.points[-1]) @ unit(before.leave)
             at = min(int(np.argmax(np.append(ahead > 0, True))), len(after) - 2)
-        turn = float(wrapped(np.array(_direction(after[at : at + 4]) - before.leave)))
+        turn = float(wrapped(np.array(direction(after[at : at + 4]) - before.leave)))
         if -JOIN_RIGHT <= turn <= JOIN_LEFT:
             return one, two, at
     return None
@@ -393,6 +393,7 @@ def _neighbours(chains: list[Front], radius: float) -> list[tuple[float, int, in
     return sorted(found)
 
 
-def _direction(points: FloatArray) -> float:
+def direction(points: FloatArray) -> float:
+    """Of the chord of a chain, radians."""
     step = points[-1] - points[0]
     return float(np.arctan2(step[1], step[0]))

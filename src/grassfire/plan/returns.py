@@ -65,23 +65,17 @@ class Returns:
         """Take note of the edges of the stock and of slivers that are left, in the frame."""
         self._stock = [(fronts, ROOM), (left, SLIVER)]
 
-    def way(
-        self, place: FloatArray, heading: float, start: Start, far: bool, smooth: bool = True
-    ) -> Path | None:
-        """From a place and heading to the start of a cut, all in the frame of the walls.
-
-        Smooth at both ends where there is room, if `smooth`; `far` says whether ways over the road
-        map are looked for as well. None where there is none.
-        """
-        found = self.direct(place, heading, start, smooth)
-        if found is not None or not far or straight(place, start.point) is None:
+    def way(self, place: FloatArray, heading: float, start: Start) -> Path | None:
+        """From a place and heading to the start of a cut, in the frame of the walls; or None."""
+        found = self.direct(place, heading, start)
+        if found is not None or straight(place, start.point) is None:
             return found
         return self.over_map(place, start)
 
     def direct(
         self, place: FloatArray, heading: float, start: Start, smooth: bool = True
     ) -> Path | None:
-        """As `way`: of arcs and a straight piece between, straight, or along the wall."""
+        """As `way`: straight or along the wall, with arcs tangent to both cuts if `smooth`."""
         ways = [
             tangent_link(place, heading, start.point, start.heading, part * self._radius)
             for part in (RADII if smooth else ())
@@ -122,8 +116,7 @@ class Returns:
         if walls.first[low] != walls.first[high]:
             return None
         gaps = [np.hypot(*(walls.points[low] - place)), np.hypot(*(walls.points[high] - end))]
-        back = walls.size(high, low) < walls.size(low, high)
-        size = walls.size(high, low) if back else walls.size(low, high)
+        size, back = min((walls.size(low, high), False), (walls.size(high, low), True))
         far = size > AROUND * float(np.hypot(*(end - place)))
         if max(gaps) > WALL_GAP * self._radius or far:
             return None

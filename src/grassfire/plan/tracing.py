@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from grassfire.errors import PlanningError
-from grassfire.plan.fronts import GRAZE, densified, swept_edge
+from grassfire.plan.fronts import GRAZE, densified, direction, swept_edge
 from grassfire.plan.path import BoolArray, IntArray, Path, join, segment
 from grassfire.plan.pursuit import pursue, unit, wrapped
 from grassfire.plan.smooth import fits
@@ -491,12 +491,6 @@ def _closed(pieces: list[Piece]) -> list[Piece]:
 
 def _gap(one: FloatArray, two: FloatArray) -> float:
     return float(np.hypot(one[0] - two[0], one[1] - two[1]))
-
-
-def direction(points: FloatArray) -> float:
-    """Of the chord of a chain, radians."""
-    step = points[-1] - points[0]
-    return float(np.arctan2(step[1], step[0]))
 
 
 def _first_long_run(flags: BoolArray, longest: int, stop: int) -> int:

@@ -83,10 +83,6 @@ class Walls:
         """Points of the drawing in the frame, and back."""
         return mirrored(points) if self.reflect else points
 
-    def chain(self, chain: FloatArray) -> FloatArray:
-        """An edge of stock in the frame, and back: reflected, it runs the other way."""
-        return mirrored(chain)[::-1] if self.reflect else chain
-
     def path(self, path: Path) -> Path:
         """A path of the frame in the drawing, and back."""
         return mirrored_path(path) if self.reflect else path
