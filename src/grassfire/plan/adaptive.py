@@ -564,7 +564,7 @@ class AdaptivePocket:
         near = (gap >= least) & (gap <= most)
         rows = np.flatnonzero(near)
         if len(rows):
-            near[rows] = self._walls.clearance(places[rows]) <= most
+            near[rows] = self._walls.clearance(places[rows], 2 * most) <= most
         return np.asarray(near)
 
     def _new_fronts(self, cut: Cut, sense: Sense, own: cKDTree) -> list[Front]:
@@ -582,7 +582,7 @@ class AdaptivePocket:
         rows = np.flatnonzero(stock)
         rows = rows[np.minimum(low[rows], high[rows]) < skin]
         if len(rows):
-            stock[rows] = self._walls.clearance(edge[rows]) > skin
+            stock[rows] = self._walls.clearance(edge[rows], 2 * skin) > skin
         return [Front(part) for part in runs(edge, stock, 4 * self._step)]
 
     def _rimmed(self, points: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -23,7 +23,7 @@ class Boundary:
     The box of the region is divided into square cells; for each the sites are kept that may be the
     nearest to a place in it: those whose distance from the middle exceeds the least one by no more
     than the diagonal of the cell. Cells are divided level by level, each asking the sites of the
-    one around it.
+    one around it. The distance from the middle bounds that of all places in the cell.
 
     Parameters
     ----------
@@ -38,48 +38,69 @@ class Boundary:
         self._columns = _Columns(axis.sites)
         left, low, right, high = axis.region.bounds()
         size = max(right - left, high - low)
-        self._corner = left, low
+        self._corner = np.array([left, low])
         cell = max(cell, FINEST * size)
         levels = max(0, int(np.ceil(np.log(size / cell) / np.log(DIVISION))))
         self._side = DIVISION**levels
         self._cell = size / self._side
-        self._first, self._count, self._site = self._divided(size, levels)
+        self._first, self._count, self._site, self._bound = self._divided(size, levels)
 
     @staticmethod
     def suits(axis: MedialAxis) -> bool:
         """Whether the boundary is of lines and arcs alone."""
         return SiteKind.SPIRAL not in axis.sites.curved
 
-    def clearance(self, points: FloatArray) -> FloatArray:
-        """(n,) distance of points (n, 2) to the boundary, negative outside the region, mm."""
+    def clearance(self, points: FloatArray, enough: float = np.inf) -> FloatArray:
+        """(n,) distance of points (n, 2) to the boundary, negative outside the region, mm.
+
+        Where it is at least `enough` a bound of it may stand for it that is at least that as well.
+        """
         if not len(points):
             return np.zeros(0)
-        x, y = points[:, 0], points[:, 1]
-        column = np.floor((x - self._corner[0]) / self._cell)
-        row = np.floor((y - self._corner[1]) / self._cell)
-        beyond = (column < 0) | (row < 0) | (column >= self._side) | (row >= self._side)
-        if beyond.any():
+        place = (points - self._corner) / self._cell
+        if place.min() < 0 or place.max() >= self._side:
+            beyond = ((place < 0) | (place >= self._side)).any(axis=1)
             result = np.empty(len(points))
             result[beyond] = self._axis.clearance(points[beyond])
-            result[~beyond] = self.clearance(points[~beyond])
+            result[~beyond] = self.clearance(points[~beyond], enough)
             return result
-        cell = (row * self._side + column).astype(np.int64)
-        count = self._count[cell]
+        index = place.astype(np.int64)
+        cell = index[:, 1] * self._side + index[:, 0]
+        result = self._bound.take(cell)
+        near = (result < enough).nonzero()[0]
+        if len(near) == len(points):
+            return self._exact(points, cell)
+        if len(near):
+            result[near] = self._exact(points.take(near, axis=0), cell.take(near))
+        return result
+
+    def _exact(self, points: FloatArray, cell: IntArray) -> FloatArray:
+        """(n,) signed distance of points in given cells, mm."""
+        x, y = points[:, 0], points[:, 1]
+        count, first = self._count.take(cell), self._first.take(cell)
+        if count.max() == 1:
+            away, inside = self._columns.distance(self._site.take(first), x, y)
+            return np.where(inside, away, -away)
         ends = count.cumsum()
         start = ends - count
-        pair = (self._first[cell] - start).repeat(count)
+        pair = (first - start).repeat(count)
         pair += np.arange(len(pair))
-        site = self._site[pair]
-        place = x.repeat(count), y.repeat(count)
-        away, inside = self._columns.distance(site, *place)
+        site = self._site.take(pair)
+        away, inside = self._columns.distance(site, x.repeat(count), y.repeat(count))
         least = np.minimum.reduceat(away, start)
         nearest = (away == least.repeat(count)) & inside
         return np.where(np.logical_or.reduceat(nearest, start), least, -least)
 
-    def _divided(self, size: float, levels: int) -> tuple[IntArray, IntArray, IntArray]:
-        """First row and number of the sites of each cell, row by row, and the sites."""
+    def _divided(
+        self, size: float, levels: int
+    ) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+        """First row and number of the sites of each cell, row by row, the sites, and bounds.
+
+        These are of the distance from the boundary inside the region, of all places of the cell.
+        """
         sites = self._columns.sites
         first, count, side = np.zeros(1, dtype=np.int64), np.array([len(sites)]), 1
+        bound = np.full(1, -np.inf)
         for _ in range(levels):
             parts = np.arange(side * DIVISION)
             parent = (parts[:, None] // DIVISION * side + parts[None] // DIVISION).ravel()
@@ -90,12 +111,15 @@ class Boundary:
             each = count[parent]
             start = each.cumsum() - each
             candidate = sites[np.arange(each.sum()) + (first[parent] - start).repeat(each)]
-            away = self._columns.distance(candidate, x.repeat(each), y.repeat(each))[0]
-            least = np.minimum.reduceat(away, start) + (np.sqrt(2) + 1e-9) * size / side
-            kept = away <= least.repeat(each)
+            away, inside = self._columns.distance(candidate, x.repeat(each), y.repeat(each))
+            least = np.minimum.reduceat(away, start)
+            inside &= away == least.repeat(each)
+            diagonal = (np.sqrt(2) + 1e-9) * size / side
+            bound = np.where(np.logical_or.reduceat(inside, start), least - diagonal / 2, -np.inf)
+            kept = away <= (least + diagonal).repeat(each)
             count = np.add.reduceat(kept, start, dtype=np.int64)
             first, sites = count.cumsum() - count, candidate[kept]
-        return first, count, sites
+        return first, count, sites, bound
 
 
 class _Columns:

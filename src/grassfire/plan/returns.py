@@ -138,7 +138,7 @@ class Returns:
 
     def free(self, places: FloatArray) -> BoolArray:
         """Where in the frame the tool touches neither wall nor stock; places need be on no way."""
-        inside = self._walls.clearance(places) - self._wall >= -SLACK
+        inside = self._walls.clearance(places, self._wall) - self._wall >= -SLACK
         return self._unstocked(places, np.asarray(inside), ROOM)
 
     def holds(

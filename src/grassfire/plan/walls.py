@@ -63,7 +63,7 @@ class Walls:
         reflect: bool = False,
     ) -> None:
         self._boundary = Boundary(axis, CELL * step) if Boundary.suits(axis) else None
-        self._axis = self._boundary or axis
+        self._axis = axis
         self._wall = wall
         self._step = step
         self.reflect = reflect
@@ -87,19 +87,25 @@ class Walls:
         """A path of the frame in the drawing, and back."""
         return mirrored_path(path) if self.reflect else path
 
-    def clearance(self, points: FloatArray) -> FloatArray:
-        """(n,) distance of points of the frame to the boundary, mm."""
+    def clearance(self, points: FloatArray, enough: float = np.inf) -> FloatArray:
+        """(n,) distance of points of the frame to the boundary, mm.
+
+        Where it is at least `enough` a bound of it may stand for it that is at least that as well.
+        """
+        if self._boundary is not None:
+            return self._boundary.clearance(self.frame(points), enough)
         return self._axis.clearance(self.frame(points))
 
     def room(self, chain: FloatArray) -> FloatArray:
         """(n,) clearance beyond `wall` on a way that begins inside; exact near the rings, mm.
 
-        Elsewhere it may be the distance to the rings, which is less: on the way from a point to the
-        nearest wall, the ring is met at clearance - wall. Points of the way must be no further
-        apart than twice the samples of the rings, so that none passes a ring unseen.
+        Elsewhere it may be less. Without a boundary that is the distance to the rings: on the way
+        from a point to the nearest wall, the ring is met at clearance - wall. Points of the way
+        must be no further apart than twice the samples of the rings, so that none passes a ring
+        unseen.
         """
         if self._boundary is not None:
-            return self.clearance(chain) - self._wall
+            return self.clearance(chain, self._wall + 2 * self._step) - self._wall
         result = self._tree.query(chain)[0] - self._step / 2
         near = np.flatnonzero(result < 2 * self._step)
         if len(near):
