@@ -40,8 +40,8 @@ AT_WALL = 0.1
 FOLD = 2.5
 """Where an edge runs back over itself by so many steps at most, its points there are dropped."""
 
-SLIVER = 12
-"""Fronts of so few points are compared with places together with others like them."""
+PAIRS = 4000
+"""Pairs of so few places and points of a front are looked at one by one."""
 
 Clearances = Callable[[FloatArray], FloatArray]
 """Distance of points (n, 2) from the walls, (n,) mm."""
@@ -112,11 +112,14 @@ class Front:
 class Fronts(Sequence[Front]):
     """Edges of the stock and their boxes, so that only those near a place are looked at."""
 
-    def __init__(self, fronts: Iterable[Front] = (), boxes: FloatArray | None = None) -> None:
+    def __init__(self, fronts: Iterable[Front] = ()) -> None:
         self._items = tuple(fronts)
-        if boxes is None:
-            boxes = np.array([front.box for front in self._items]).reshape(-1, 4)
-        self._boxes = boxes
+
+    @cached_property
+    def _sides(self) -> FloatArray:
+        """(4, n) largest x and y, least x and y of each, the latter with the other sign."""
+        boxes = np.array([front.box for front in self._items]).reshape(-1, 4)
+        return np.concatenate([boxes[:, 2:], -boxes[:, :2]], axis=1).T.copy()
 
     def __len__(self) -> int:
         return len(self._items)
@@ -142,26 +145,23 @@ class Fronts(Sequence[Front]):
         result = np.zeros(len(places), dtype=bool)
         if not len(places) or not self._items:
             return result
-        near = self.near(box(places), reach)
-        slivers = [front.points for front in near if len(front) <= SLIVER]
-        if slivers:
-            near = [front for front in near if len(front) > SLIVER]
-            near.append(Front(np.concatenate(slivers)))
-        for front in near:
-            result[touched(places, front, reach)] = True
+        few = []
+        for front in self.near(box(places), reach):
+            if len(front) * len(places) <= PAIRS:
+                few.append(front.points)
+            else:
+                result[touched(places, front, reach)] = True
+        if few:
+            result |= _any_within(places, np.concatenate(few), reach)
         return result
 
     def without(self, index: int) -> Fronts:
         """All but one."""
-        items = self._items[:index] + self._items[index + 1 :]
-        return Fronts(items, np.delete(self._boxes, index, axis=0))
+        return Fronts(self._items[:index] + self._items[index + 1 :])
 
     def plus(self, fronts: Sequence[Front]) -> Fronts:
         """These and more."""
-        if not fronts:
-            return self
-        more = [front.box for front in fronts]
-        return Fronts((*self._items, *fronts), np.concatenate([self._boxes, more]))
+        return Fronts((*self._items, *fronts)) if fronts else self
 
     def outside(self, centres: cKDTree, radius: float, gap: float) -> Fronts:
         """Their parts outside all disks about some centres; untouched ones are themselves.
@@ -182,16 +182,25 @@ class Fronts(Sequence[Front]):
 
     def _rows(self, around: Box, reach: float) -> list[int]:
         left, low, right, high = around
-        boxes = self._boxes
-        apart = (boxes[:, 2] < left - reach) | (boxes[:, 0] > right + reach)
-        apart |= (boxes[:, 3] < low - reach) | (boxes[:, 1] > high + reach)
-        return [int(row) for row in (~apart).nonzero()[0]]
+        least = [[left - reach], [low - reach], [-right - reach], [-high - reach]]
+        near: list[int] = (self._sides >= least).all(axis=0).nonzero()[0].tolist()
+        return near
 
 
 def box(points: FloatArray) -> Box:
     """Least x and y, largest x and y of points (n, 2), mm."""
     x, y = points[:, 0], points[:, 1]
     return float(x.min()), float(y.min()), float(x.max()), float(y.max())
+
+
+def _any_within(places: FloatArray, points: FloatArray, reach: float) -> BoolArray:
+    """(n,) which places have one of some points nearer than `reach` mm, pair by pair."""
+    across = places[:, :1] - points[:, 0]
+    along = places[:, 1:] - points[:, 1]
+    across *= across
+    along *= along
+    across += along
+    return np.asarray((across < reach * reach).any(axis=1))
 
 
 def touched(places: FloatArray, front: Front, reach: float) -> IntArray:
