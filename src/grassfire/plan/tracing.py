@@ -430,17 +430,25 @@ class Tracer:
     def _touch(self, cut: _Cut, place: FloatArray, heading: FloatArray) -> _Touch:
         """Where the rim crosses the front ahead, from places with headings."""
         front = cut.front[cut.index : cut.index + WINDOW[1]]
-        gap = np.hypot(place[:, None, 0] - front[None, :, 0], place[:, None, 1] - front[None, :, 1])
-        inside = gap < self._radius
-        found = np.asarray(inside.any(axis=1))
-        entered = np.argmax(inside, axis=1)
-        beyond = ~inside & (np.arange(len(front))[None] >= entered[:, None])
-        last = np.where(beyond.any(axis=1), np.argmax(beyond, axis=1), len(front) - 1)
-        before = np.maximum(last - 1, 0)
+        across = place[:, :1] - front[:, 0]
+        along = place[:, 1:] - front[:, 1]
+        across *= across
+        along *= along
+        across += along
+        inside = across < self._radius**2
+        entered = inside.argmax(axis=1)
         rows = np.arange(len(place))
-        low, high = gap[rows, before], gap[rows, last]
-        share = np.clip((self._radius - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
-        point = front[before] + (front[last] - front[before]) * share[:, None]
+        found = inside[rows, entered]
+        beyond = np.arange(len(front)) >= entered[:, None]
+        beyond &= ~inside
+        last = beyond.argmax(axis=1)
+        last[~beyond[rows, last]] = len(front) - 1
+        before = np.maximum(last - 1, 0)
+        begin, end = front.take(before, axis=0), front.take(last, axis=0)
+        low, high = _gaps(begin, place), _gaps(end, place)
+        share = (self._radius - low) / np.maximum(high - low, 1e-12)
+        share = np.minimum(np.maximum(share, 0.0), 1.0)
+        point = begin + (end - begin) * share[:, None]
         offset = point - place
         bearing = np.arctan2(offset[:, 1], offset[:, 0])
         angle = wrapped(bearing - heading + np.pi / 2)
@@ -487,6 +495,12 @@ def _closed(pieces: list[Piece]) -> list[Piece]:
             piece = replace(piece, points=points)
         result.append(piece)
     return result
+
+
+def _gaps(one: FloatArray, two: FloatArray) -> FloatArray:
+    """(n,) distances of points (n, 2) from others."""
+    offset = one - two
+    return np.hypot(offset[:, 0], offset[:, 1])
 
 
 def _gap(one: FloatArray, two: FloatArray) -> float:
