@@ -32,6 +32,7 @@ from grassfire.plan.fronts import (
     direction,
     joined,
     length,
+    reached,
     runs,
     swept_edge,
     touched,
@@ -252,7 +253,7 @@ class AdaptivePocket:
         """Stretches of the walls where cuts have left a film, first and last samples of each."""
         walls, wall = self._walls, self._settings.wall
         touched = walls.points + wall * unit(walls.heading - np.pi / 2)
-        film = np.isinf(self._cleared.distance(touched, wall + FILM))
+        film = ~self._cleared.within(touched, wall + FILM)
         return walls.stretches(film, BESIDE) if film.any() else []
 
     def _cut_corners(
@@ -315,8 +316,7 @@ class AdaptivePocket:
         room = np.where(road.component(wall, self.peak), road.radius - wall, -np.inf)
         reach = self._radius * (1 + GRAZE)
         rows = np.flatnonzero(room > -np.inf)
-        gap = self._cleared.distance(self._walls.frame(road.points[rows]), reach)
-        stock = rows[np.isinf(gap)]
+        stock = rows[~self._cleared.within(self._walls.frame(road.points[rows]), reach)]
         if not len(stock):
             return None
         widest = int(stock[np.argmax(room[stock])])
@@ -571,18 +571,19 @@ class AdaptivePocket:
         """Edges of the stock that a cut leaves, the rim about its end included."""
         edge, piece = sense.edge(cut.points, self._rimmed)
         last = len(cut.room) - 1
-        low, high = cut.room[np.maximum(piece, 0)], cut.room[np.clip(piece + 1, 0, last)]
-        stock = (piece < 0) | (piece == last) | (np.maximum(low, high) > 0)
-        stock &= own.query(edge)[0] > self._radius * (1 - GRAZE)
-        rows = np.flatnonzero(stock)
-        old = self._cleared.distance(edge[rows], 1.01 * self._radius)
-        stock[rows] = old > self._radius * (1 + GRAZE / 4)
+        low = cut.room.take(np.maximum(piece, 0))
+        high = cut.room.take(np.minimum(piece + 1, last))
+        stock = (piece < 0) | (piece == last) | (low > 0) | (high > 0)
+        rows = stock.nonzero()[0]
+        rows = rows[~reached(own, edge.take(rows, axis=0), self._radius * (1 - GRAZE))]
+        old = self._cleared.within(edge.take(rows, axis=0), self._radius * (1 + GRAZE / 4))
+        stock[:] = False
+        stock[rows[~old]] = True
         # where the wall is nearer to the edge than that, it is near the tool as well
         skin = WALL_SKIN * self._radius
-        rows = np.flatnonzero(stock)
-        rows = rows[np.minimum(low[rows], high[rows]) < skin]
+        rows = (stock & (np.minimum(low, high) < skin)).nonzero()[0]
         if len(rows):
-            stock[rows] = self._walls.clearance(edge[rows], 2 * skin) > skin
+            stock[rows] = self._walls.clearance(edge.take(rows, axis=0), 2 * skin) > skin
         return [Front(part) for part in runs(edge, stock, 4 * self._step)]
 
     def _rimmed(self, points: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, overload
@@ -171,9 +172,9 @@ class Fronts(Sequence[Front]):
         parts: dict[int, list[Front]] = {}
         for row in self._rows((*centres.mins.tolist(), *centres.maxes.tolist()), radius):
             chain = self._items[row].points
-            free = np.isinf(centres.query(chain, distance_upper_bound=radius)[0])
-            if not free.all():
-                parts[row] = [Front(part) for part in runs(chain, free, gap)]
+            covered = reached(centres, chain, radius)
+            if covered.any():
+                parts[row] = [Front(part) for part in runs(chain, ~covered, gap)]
         if not parts:
             return self
         return Fronts(
@@ -211,8 +212,13 @@ def touched(places: FloatArray, front: Front, reach: float) -> IntArray:
     rows = around.nonzero()[0]
     if not len(rows):
         return np.asarray(rows)
-    gap = front.tree.query(places[rows], distance_upper_bound=reach)[0]
-    return np.asarray(rows[gap < np.inf])
+    near = reached(front.tree, places.take(rows, axis=0), reach)
+    return np.asarray(rows[near])
+
+
+def reached(tree: cKDTree, places: FloatArray, reach: float) -> BoolArray:
+    """(n,) which places have a point of a tree nearer than `reach`."""
+    return np.asarray(tree.query(places, distance_upper_bound=reach)[0] < reach)
 
 
 class Disks:
@@ -230,17 +236,20 @@ class Disks:
         tree = cKDTree(centres, compact_nodes=False, balanced_tree=False)
         self._trees.append((centres, tree, box(centres)))
 
-    def distance(self, points: FloatArray, bound: float) -> FloatArray:
-        """(n,) distance to the nearest centre, infinite beyond `bound` mm."""
-        result = np.full(len(points), np.inf)
-        if not len(points):
-            return result
-        left, low, right, high = box(points)
-        for _, tree, (least_x, least_y, most_x, most_y) in self._trees:
-            across = least_x <= right + bound and most_x >= left - bound
-            if across and least_y <= high + bound and most_y >= low - bound:
-                gap = tree.query(points, distance_upper_bound=bound)[0]
-                np.minimum(result, gap, out=result)
+    def within(self, points: FloatArray, reach: float) -> BoolArray:
+        """(n,) which points have a centre nearer than `reach` mm."""
+        result = np.zeros(len(points), dtype=bool)
+        rows = np.arange(len(points))
+        # those in the cleared area have one of the last centres near them more often than not
+        for _, tree, (least_x, least_y, most_x, most_y) in reversed(self._trees):
+            if not len(rows):
+                break
+            left, low, right, high = box(points)
+            across = least_x <= right + reach and most_x >= left - reach
+            if across and least_y <= high + reach and most_y >= low - reach:
+                near = reached(tree, points, reach)
+                result[rows[near]] = True
+                rows, points = rows[~near], points[~near]
         return result
 
     def nearest(self, point: FloatArray, count: int) -> FloatArray:
@@ -256,18 +265,19 @@ class Disks:
 
 def densified(points: FloatArray, step: float) -> FloatArray:
     """A chain of points with more between them, at most `step` mm apart."""
-    gap = np.hypot(*np.diff(points, axis=0).T)
-    owner, share = _subdivision(gap / step)
-    inner = points[owner] + (points[owner + 1] - points[owner]) * share[:, None]
+    chord = points[1:] - points[:-1]
+    owner, share = _subdivision(np.hypot(chord[:, 0], chord[:, 1]) / step)
+    inner = points.take(owner, axis=0)
+    inner += chord.take(owner, axis=0) * share[:, None]
     return np.concatenate([points[:1], inner])
 
 
 def _subdivision(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     """Piece and end fraction of every part when each piece is cut into ceil(pieces) equal ones."""
     count = np.maximum(1, np.ceil(pieces)).astype(np.int64)
-    owner = np.repeat(np.arange(len(count)), count)
-    first = np.repeat(np.cumsum(count) - count, count)
-    return owner, (np.arange(len(owner)) - first + 1) / count[owner]
+    owner = np.arange(len(count)).repeat(count)
+    rank = np.arange(1, len(owner) + 1) - (count.cumsum() - count).take(owner)
+    return owner, rank / count.take(owner)
 
 
 def swept_edge(centres: FloatArray, radius: float, step: float) -> tuple[FloatArray, IntArray]:
@@ -284,45 +294,54 @@ def swept_edge(centres: FloatArray, radius: float, step: float) -> tuple[FloatAr
     radius, step : float
         Of the disk; between points of the edge, mm.
     """
-    chord = np.diff(centres, axis=0)
+    chord = centres[1:] - centres[:-1]
     # directions of the shortest pieces are noise
-    number = np.flatnonzero(np.hypot(chord[:, 0], chord[:, 1]) > 1e-4 * radius)
+    number = (np.hypot(chord[:, 0], chord[:, 1]) > 1e-4 * radius).nonzero()[0]
     if not len(number):
         return np.zeros((0, 2)), number
-    begin = centres[number]
+    begin = centres.take(number, axis=0)
     chord = np.concatenate([begin[1:], centres[-1:]]) - begin
     gap = np.hypot(chord[:, 0], chord[:, 1])
     heading = np.arctan2(chord[:, 1], chord[:, 0])
-    bend = np.append(wrapped(np.diff(heading)), 0.0)
-    arc = radius * np.abs(bend)
-    owner, share = _subdivision((gap + arc) / step)
-    straight = (gap / (gap + arc))[owner]
+    bend = np.zeros(len(heading))
+    bend[:-1] = wrapped(heading[1:] - heading[:-1])
+    size = gap + radius * np.abs(bend)
+    owner, share = _subdivision(size / step)
+    straight = (gap / size).take(owner)
     moved = np.minimum(share / straight, 1.0)
     turned = np.maximum(share - straight, 0.0) / np.maximum(1 - straight, 1e-300)
-    angle = np.concatenate([heading[:1], heading[owner] + bend[owner] * turned]) - np.pi / 2
-    middle = np.concatenate([begin[:1], begin[owner] + chord[owner] * moved[:, None]])
+    bend = bend.take(owner)
+    angle = heading.take(owner) + bend * turned
+    middle = begin.take(owner, axis=0)
+    middle += chord.take(owner, axis=0) * moved[:, None]
     # right turns move the edge back: short folds along itself would look like its boundary
-    size = np.where((moved == 1) & (bend[owner] < 0) & (turned > 0), -1.0, 1.0)
-    along = np.cumsum(size * ((gap + arc) / np.maximum(1, np.ceil((gap + arc) / step)))[owner])
-    behind = np.concatenate([[0.0], np.maximum.accumulate(along) - along])
-    forward = (behind <= 0) | (behind > FOLD * step)
-    edge = middle + radius * unit(angle)
-    return edge[forward], number[np.concatenate([[0], owner])[forward]]
+    part = (size / np.maximum(1, np.ceil(size / step))).take(owner)
+    along = np.where((moved == 1) & (bend < 0) & (turned > 0), -part, part).cumsum()
+    behind = np.maximum.accumulate(along) - along
+    forward = ((behind <= 0) | (behind > FOLD * step)).nonzero()[0]
+    edge = middle.take(forward, axis=0) + radius * unit(angle.take(forward) - np.pi / 2)
+    first = begin[:1] + radius * unit(heading[:1] - np.pi / 2)
+    owner = number.take(owner.take(forward))
+    return np.concatenate([first, edge]), np.concatenate([number[:1], owner])
 
 
 def runs(chain: FloatArray, good: BoolArray, gap: float) -> list[FloatArray]:
     """Maximal parts of a chain whose points are good and no more than `gap` mm apart."""
-    index = np.flatnonzero(good)
+    index = good.nonzero()[0]
     if not len(index):
         return []
-    far = np.hypot(*np.diff(chain[index], axis=0).T) > gap
-    breaks = np.flatnonzero((np.diff(index) > 1) | far) + 1
-    return [chain[part] for part in np.split(index, breaks)]
+    kept = chain.take(index, axis=0)
+    step = kept[1:] - kept[:-1]
+    broken = np.hypot(step[:, 0], step[:, 1]) > gap
+    broken |= index[1:] - index[:-1] > 1
+    stops = [*(broken.nonzero()[0] + 1).tolist(), len(kept)]
+    return [kept[low:high] for low, high in zip([0, *stops], stops, strict=False)]
 
 
 def length(chain: FloatArray) -> float:
     """Of a chain of points, mm."""
-    return float(np.hypot(*np.diff(chain, axis=0).T).sum())
+    step = chain[1:] - chain[:-1]
+    return float(np.hypot(step[:, 0], step[:, 1]).sum())
 
 
 def joined(
@@ -404,5 +423,5 @@ def _neighbours(chains: list[Front], radius: float) -> list[tuple[float, int, in
 
 def direction(points: FloatArray) -> float:
     """Of the chord of a chain, radians."""
-    step = points[-1] - points[0]
-    return float(np.arctan2(step[1], step[0]))
+    x, y = (points[-1] - points[0]).tolist()
+    return math.atan2(y, x)

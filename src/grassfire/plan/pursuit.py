@@ -78,23 +78,27 @@ def pursue(front: FloatArray, bearing: float, radius: float, engagement: FloatAr
     engagement : (n - 1,) float array
         On each piece of the front, radians, in (0, pi).
     """
-    step = np.diff(front, axis=0)
-    tau = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    step = front[1:] - front[:-1]
+    tau = np.arctan2(step[:, 1], step[:, 0])
+    bend = tau[1:] - tau[:-1]
+    if (np.abs(bend) >= np.pi).any():
+        tau = np.unwrap(tau)
+        bend = tau[1:] - tau[:-1]
     psi = np.pi / 2 - engagement
     decay = np.exp(-np.hypot(step[:, 0], step[:, 1]) / (radius * np.sin(engagement)))
-    turn = np.append(np.diff(tau) - np.diff(psi), 0.0)
-    product = _partial_products(decay, turn / 2)
+    turn = np.zeros(len(tau))
+    turn[:-1] = bend - (psi[1:] - psi[:-1])
+    one, two, three, four = _partial_products(decay, turn / 2)
     half = (bearing - tau[0] + psi[0]) / 2
-    sine = product[0] * np.sin(half) + product[1] * np.cos(half)
-    cosine = product[2] * np.sin(half) + product[3] * np.cos(half)
-    theta = wrapped(2 * np.arctan2(sine, cosine) + turn)
-    alpha = np.concatenate([[bearing], theta + tau - psi])
-    return Pursuit(
-        front - radius * unit(alpha),
-        alpha,
-        alpha + np.concatenate([psi[:1], psi]),
-        np.cos(np.concatenate([tau[:1], tau]) - alpha),
-    )
+    sine, cosine = np.sin(half), np.cos(half)
+    end = np.arctan2(one * sine + two * cosine, three * sine + four * cosine)
+    alpha, heading, advance = np.full((3, len(front)), bearing)
+    alpha[1:] = wrapped(2 * end + turn) + tau - psi
+    heading[0] += psi[0]
+    heading[1:] = alpha[1:] + psi
+    advance[0] -= tau[0]
+    advance[1:] = alpha[1:] - tau
+    return Pursuit(front - radius * unit(alpha), alpha, heading, np.cos(advance))
 
 
 def _partial_products(

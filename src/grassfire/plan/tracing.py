@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -195,22 +196,27 @@ class Tracer:
         """
         radius = self._radius
         heading = direction(front[:4])
-        place = front[0] - radius * unit(heading - np.pi / 2 + FIRST_BITE[1])
-        at_front, at_place = self._walls.clearance(np.stack([front[0], place]))
+        turns = np.array([heading - np.pi / 2 + FIRST_BITE[1], heading - np.pi / 2 + self._limit])
+        place, before = front[0] - radius * unit(turns)
+        near = AT_WALL * radius
+        at_front, at_place = self._walls.clearance(
+            np.array([front[0], place]), max(wall, near)
+        ).tolist()
         inside = at_place >= wall - 1e-6
-        if at_front < AT_WALL * radius or not inside:
+        if at_front < near or not inside:
             back = self._walls.behind(self._walls.nearest(front[0]), BACK)
-            gap = self._walls.points[back][:, None] - front[None, :BACK]
-            clear = np.hypot(gap[..., 0], gap[..., 1]).min(axis=1) >= radius * (1 - 1e-3)
-            if clear.any() or not inside:
-                chosen = int(back[int(np.argmax(clear))])
+            points = self._walls.points.take(back, axis=0)
+            across = points[:, :1] - front[:BACK, 0]
+            along = points[:, 1:] - front[:BACK, 1]
+            clear = np.hypot(across, along).min(axis=1) >= radius * (1 - 1e-3)
+            first = _first(clear)
+            if first < len(clear) or not inside:
+                chosen = int(back[first % len(clear)])
                 return Start(chosen, self._walls.points[chosen], float(self._walls.heading[chosen]))
         leads = np.array(LEADS) * radius
-        before = front[0] - radius * unit(heading - np.pi / 2 + self._limit)
         places = before - leads[:, None] * unit(heading)
-        possible = free(places)
-        if possible.any():
-            chosen = int(np.argmax(possible))
+        chosen = _first(free(places))
+        if chosen < len(leads):
             return Start(-1, places[chosen], heading, float(leads[chosen]))
         return Start(-1, place, heading)
 
@@ -262,7 +268,7 @@ class Tracer:
         Between teeth the tool advances by a bite; on an arc it turns by bite over radius meanwhile.
         Between walls the way has about the room there as its radius.
         """
-        room = float(np.hypot(*(front[-1] - front[0]))) / 2 - self._radius
+        room = math.dist(front[-1].tolist(), front[0].tolist()) / 2 - self._radius
         return self._limit - min(BITE * self._radius / max(room, 1e-9), float(MOST_TURN))
 
     def _extended(self, front: FloatArray) -> FloatArray:
@@ -310,20 +316,21 @@ class Tracer:
         And the bearing with which it goes on.
         """
         front = np.concatenate([cut.point[None], cut.front[cut.index + 1 :]])
-        gap = np.hypot(*np.diff(front, axis=0).T)
-        front = front[np.append(gap > 1e-6 * self._radius, True)]
+        chord = front[1:] - front[:-1]
+        same = np.hypot(chord[:, 0], chord[:, 1]) <= 1e-6 * self._radius
+        if same.any():
+            front = np.delete(front, same.nonzero()[0], axis=0)
         if len(front) < 2:
             return ENDED, bearing
         way = pursue(front, bearing, self._radius, _eased(front, cut.limit, ease))
         # the first row is where the way begins
-        back = way.advance[1:] < 0
-        stop = int(np.argmax(back)) + 1 if back.any() else len(front)
+        stop = _first(way.advance[1:] < 0) + 1
         room = self._walls.room(way.centre[:stop])
         outside = room < -1e-9
         # towards the wall the fitted way may be off by its tolerance
         outside[1:] |= (room[1:] < FIT[0]) & (room[1:] < room[:-1])
         outside[0] &= not cut.pieces
-        leave = int(np.argmax(outside)) if outside.any() else stop
+        leave = _first(outside)
         if leave:
             cut.pieces.append(Piece(way.centre[:leave], way.heading[:leave], room[:leave]))
         if leave == stop:
@@ -337,7 +344,7 @@ class Tracer:
         sample = self._walls.nearest(way.centre[leave])
         cut.index = len(cut.front) - len(front) + leave
         cut.point = front[leave]
-        turn = float(wrapped(self._walls.heading[sample] - way.heading[leave]))
+        turn = _turned(float(self._walls.heading[sample] - way.heading[leave]))
         return sample if -SHARPEST[1] <= turn <= SHARPEST[0] else ENDED, bearing
 
     def _pivoted(self, cut: _Cut, centre: FloatArray, bearing: float) -> tuple[int, float]:
@@ -347,7 +354,7 @@ class Tracer:
         and the tool turns on the spot to keep to the limit.
         """
         ahead = cut.front[cut.index + 1 : cut.index + 1 + WINDOW[1]]
-        gap = np.hypot(*(ahead - centre).T)
+        gap = _gaps(ahead, centre)
         out = gap > self._radius
         if out.all() or not out.any() or out[0]:
             return ENDED, bearing
@@ -356,7 +363,7 @@ class Tracer:
         point = ahead[after - 1] + (ahead[after] - ahead[after - 1]) * share
         offset = point - centre
         across = float(np.arctan2(offset[1], offset[0]))
-        turn = float(wrapped(np.array(across - bearing)))
+        turn = _turned(across - bearing)
         if abs(turn) > MOST_PIVOT:
             return ENDED, bearing
         cut.index, cut.point = cut.index + after, point
@@ -369,8 +376,7 @@ class Tracer:
                 self._wind(cut, closed=False)
             ahead = self._walls.ahead(sample, WINDOW[0])
             touch = self._touch(cut, self._walls.points[ahead], self._walls.heading[ahead])
-            over = touch.engagement >= cut.limit
-            leave = int(np.argmax(over)) if over.any() else len(ahead)
+            leave = _first(touch.engagement >= cut.limit)
             # round a corner of the pocket the front may be touched for long before it is cut
             patience = AIR * self._radius / self._step if cut.pieces else BACK
             end = _first_long_run(~touch.found, int(patience), leave)
@@ -407,15 +413,17 @@ class Tracer:
     def _astray(self, cut: _Cut, samples: IntArray, touch: _Touch) -> int:
         """First sample past the end of the front, or in the stock of another one, or all."""
         place = self._walls.points[samples]
-        gap = cut.front[cut.real - 1] - place
-        bearing = np.arctan2(gap[:, 1], gap[:, 0])
-        behind = wrapped(bearing - self._walls.heading[samples] + np.pi / 2) < 0
-        spent = (cut.index + touch.passed >= cut.real - 1) & (
-            behind | (np.hypot(gap[:, 0], gap[:, 1]) > self._radius)
-        )
+        spent = cut.index + touch.passed >= cut.real - 1
+        late = spent.nonzero()[0]
+        if len(late):
+            gap = cut.front[cut.real - 1] - place[late]
+            bearing = np.arctan2(gap[:, 1], gap[:, 0])
+            behind = wrapped(bearing - self._walls.heading[samples[late]] + np.pi / 2) < 0
+            spent[late] = behind | (np.hypot(gap[:, 0], gap[:, 1]) > self._radius)
         air = (~touch.found).nonzero()[0]
-        spent[air] |= cut.others(place[air], self._radius * (1 - GRAZE))
-        return int(np.argmax(spent)) if spent.any() else len(samples)
+        if len(air):
+            spent[air] |= cut.others(place[air], self._radius * (1 - GRAZE))
+        return _first(spent)
 
     def _slid(self, cut: _Cut, samples: IntArray) -> None:
         cut.pieces.append(
@@ -470,8 +478,10 @@ def _eased(front: FloatArray, limit: float, ease: tuple[float, float] | None) ->
     """(n - 1,) engagement along a front: the limit, reached smoothly where a cut begins."""
     if ease is None:
         return np.full(len(front) - 1, limit)
-    gone = np.cumsum(np.hypot(*np.diff(front, axis=0).T))
-    share = np.clip(np.concatenate([[0.0], gone[:-1]]) / ease[1], 0.0, 1.0)
+    chord = front[1:-1] - front[:-2]
+    gone = np.zeros(len(front) - 1)
+    np.hypot(chord[:, 0], chord[:, 1]).cumsum(out=gone[1:])
+    share = np.minimum(gone / ease[1], 1.0)
     return np.maximum(limit * share**2 * (3 - 2 * share), min(ease[0], limit))
 
 
@@ -497,6 +507,17 @@ def _closed(pieces: list[Piece]) -> list[Piece]:
     return result
 
 
+def _first(flags: BoolArray) -> int:
+    """Where the first flag is set; how many there are where none is."""
+    place = int(flags.argmax())
+    return place if flags[place] else len(flags)
+
+
+def _turned(angle: float) -> float:
+    """One angle brought to [-pi, pi)."""
+    return (angle + math.pi) % (2 * math.pi) - math.pi
+
+
 def _gaps(one: FloatArray, two: FloatArray) -> FloatArray:
     """(n,) distances of points (n, 2) from others."""
     offset = one - two
@@ -512,8 +533,10 @@ def _first_long_run(flags: BoolArray, longest: int, stop: int) -> int:
 
     Only flags before `stop` count; `stop` where there is none.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags[:stop].astype(np.int8), [0]])))
-    for begin, end in edges.reshape(-1, 2).tolist():
+    padded = np.zeros(stop + 2, dtype=bool)
+    padded[1:-1] = flags[:stop]
+    edges = (padded[1:] != padded[:-1]).nonzero()[0].tolist()
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
         if end - begin > longest or end == len(flags):
             return int(begin)
     return stop
