@@ -41,8 +41,8 @@ AT_WALL = 0.1
 FOLD = 2.5
 """Where an edge runs back over itself by so many steps at most, its points there are dropped."""
 
-PAIRS = 4000
-"""Pairs of so few places and points of a front are looked at one by one."""
+FEW = 200
+"""Of so few points near places all pairs are looked at, without a tree."""
 
 Clearances = Callable[[FloatArray], FloatArray]
 """Distance of points (n, 2) from the walls, (n,) mm."""
@@ -146,14 +146,17 @@ class Fronts(Sequence[Front]):
         result = np.zeros(len(places), dtype=bool)
         if not len(places) or not self._items:
             return result
-        few = []
-        for front in self.near(box(places), reach):
-            if len(front) * len(places) <= PAIRS:
-                few.append(front.points)
-            else:
-                result[touched(places, front, reach)] = True
-        if few:
-            result |= _any_within(places, np.concatenate(few), reach)
+        around = box(places)
+        near = self.near(around, reach)
+        if not near:
+            return result
+        points = np.concatenate([front.points for front in near]) if near[1:] else near[0].points
+        if len(points) > FEW:
+            points = points[_around(points, around, reach)]
+        if len(points) <= FEW:
+            return _any_within(places, points, reach)
+        for front in near:
+            result[touched(places, front, reach)] = True
         return result
 
     def without(self, index: int) -> Fronts:
@@ -194,6 +197,13 @@ def box(points: FloatArray) -> Box:
     return float(x.min()), float(y.min()), float(x.max()), float(y.max())
 
 
+def _around(places: FloatArray, sides: Box, reach: float) -> BoolArray:
+    """(n,) which places are nearer than `reach` mm to a box, seen along both axes."""
+    left, low, right, high = sides
+    x, y = places[:, 0], places[:, 1]
+    return (x > left - reach) & (x < right + reach) & (y > low - reach) & (y < high + reach)
+
+
 def _any_within(places: FloatArray, points: FloatArray, reach: float) -> BoolArray:
     """(n,) which places have one of some points nearer than `reach` mm, pair by pair."""
     across = places[:, :1] - points[:, 0]
@@ -206,10 +216,7 @@ def _any_within(places: FloatArray, points: FloatArray, reach: float) -> BoolArr
 
 def touched(places: FloatArray, front: Front, reach: float) -> IntArray:
     """Rows of the places that have a point of a front nearer than `reach`."""
-    left, low, right, high = front.box
-    x, y = places[:, 0], places[:, 1]
-    around = (x > left - reach) & (x < right + reach) & (y > low - reach) & (y < high + reach)
-    rows = around.nonzero()[0]
+    rows = _around(places, front.box, reach).nonzero()[0]
     if not len(rows):
         return np.asarray(rows)
     near = reached(front.tree, places.take(rows, axis=0), reach)

@@ -193,26 +193,32 @@ class Returns:
 
         They are closer together on arcs: one that turns at a wall may dip into it.
         """
-        size = np.concatenate([way.lengths for way in ways])
         begin = np.concatenate([way.points[:-1] for way in ways])
-        end = np.concatenate([way.points[1:] for way in ways])
+        chord = np.concatenate([way.points[1:] for way in ways]) - begin
         centre = np.concatenate([way.centre for way in ways])
         sweep = np.concatenate([way.sweep for way in ways])
-        step = np.where(sweep == 0.0, PROBE, ARC_PROBE) * self._radius
+        size = np.hypot(chord[:, 0], chord[:, 1])
+        step = np.full(len(size), PROBE * self._radius)
+        arcs = sweep.nonzero()[0]
+        spoke = begin[arcs] - centre[arcs]
+        size[arcs] = np.hypot(spoke[:, 0], spoke[:, 1]) * np.abs(sweep[arcs])
+        step[arcs] = ARC_PROBE * self._radius
         parts = np.maximum(1, np.ceil(size / step)).astype(np.int64)
-        piece = np.array([len(way) for way in ways]).cumsum()
         count = parts.copy()
-        count[piece - 1] += 1
+        last = np.array([len(way) for way in ways]).cumsum() - 1
+        count[last] += 1
         stop = count.cumsum()
         owner = np.arange(len(count)).repeat(count)
-        share = (np.arange(stop[-1]) - (stop - count)[owner]) / parts[owner]
-        places = begin[owner] + (end - begin)[owner] * share[:, None]
-        rows = (sweep != 0.0)[owner].nonzero()[0]
+        share = (np.arange(stop[-1]) - (stop - count).take(owner)) / parts.take(owner)
+        places = begin.take(owner, axis=0)
+        places += chord.take(owner, axis=0) * share[:, None]
+        rows = (sweep != 0.0).take(owner).nonzero()[0]
         if len(rows):
-            arc = owner[rows]
-            places[rows] = turned(begin[arc], centre[arc], sweep[arc] * share[rows])
+            arc = owner.take(rows)
+            angle = sweep.take(arc) * share.take(rows)
+            places[rows] = turned(begin.take(arc, axis=0), centre.take(arc, axis=0), angle)
         first = np.zeros(len(ways), dtype=np.int64)
-        first[1:] = stop[piece[:-1] - 1]
+        first[1:] = stop[last[:-1]]
         return places, first
 
     def _clear(self, places: FloatArray, bite: float = ROOM) -> BoolArray:
