@@ -113,14 +113,10 @@ class Front:
 class Fronts(Sequence[Front]):
     """Edges of the stock and their boxes, so that only those near a place are looked at."""
 
-    def __init__(self, fronts: Iterable[Front] = ()) -> None:
+    def __init__(self, fronts: Iterable[Front] = (), sides: FloatArray | None = None) -> None:
         self._items = tuple(fronts)
-
-    @cached_property
-    def _sides(self) -> FloatArray:
-        """(4, n) largest x and y, least x and y of each, the latter with the other sign."""
-        boxes = np.array([front.box for front in self._items]).reshape(-1, 4)
-        return np.concatenate([boxes[:, 2:], -boxes[:, :2]], axis=1).T.copy()
+        # largest x and y, least x and y of each, the latter with the other sign
+        self._sides = _sides(self._items) if sides is None else sides
 
     def __len__(self) -> int:
         return len(self._items)
@@ -141,12 +137,15 @@ class Fronts(Sequence[Front]):
         """Those whose boxes come within `reach` mm of a box."""
         return [self._items[row] for row in self._rows(around, reach)]
 
-    def within(self, places: FloatArray, reach: float) -> BoolArray:
-        """(n,) which places have a point of one of them nearer than `reach` mm."""
+    def within(self, places: FloatArray, reach: float, around: Box | None = None) -> BoolArray:
+        """(n,) which places have a point of one of them nearer than `reach` mm.
+
+        `around` is a box that holds the places, if one is known.
+        """
         result = np.zeros(len(places), dtype=bool)
         if not len(places) or not self._items:
             return result
-        around = box(places)
+        around = around or box(places)
         near = self.near(around, reach)
         if not near:
             return result
@@ -161,11 +160,15 @@ class Fronts(Sequence[Front]):
 
     def without(self, index: int) -> Fronts:
         """All but one."""
-        return Fronts(self._items[:index] + self._items[index + 1 :])
+        items = self._items[:index] + self._items[index + 1 :]
+        return Fronts(items, np.delete(self._sides, index, axis=1))
 
     def plus(self, fronts: Sequence[Front]) -> Fronts:
         """These and more."""
-        return Fronts((*self._items, *fronts)) if fronts else self
+        if not fronts:
+            return self
+        sides = np.concatenate([self._sides, _sides(fronts)], axis=1)
+        return Fronts((*self._items, *fronts), sides)
 
     def outside(self, centres: cKDTree, radius: float, gap: float) -> Fronts:
         """Their parts outside all disks about some centres; untouched ones are themselves.
@@ -189,6 +192,12 @@ class Fronts(Sequence[Front]):
         least = [[left - reach], [low - reach], [-right - reach], [-high - reach]]
         near: list[int] = (self._sides >= least).all(axis=0).nonzero()[0].tolist()
         return near
+
+
+def _sides(fronts: Sequence[Front]) -> FloatArray:
+    """(4, n) largest x and y, least x and y of each, the latter with the other sign, mm."""
+    boxes = [front.box for front in fronts]
+    return np.array([(right, high, -left, -low) for left, low, right, high in boxes]).reshape(-1, 4).T
 
 
 def box(points: FloatArray) -> Box:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from grassfire.medial import MedialAxis
-from grassfire.plan.fronts import Front, Fronts, touched
+from grassfire.plan.fronts import Front, Fronts, box, touched
 from grassfire.plan.link import straight
 from grassfire.plan.path import BoolArray, IntArray, Path, join, turned
 from grassfire.plan.roadmap import RoadMap
@@ -227,9 +227,11 @@ class Returns:
 
     def _unstocked(self, places: FloatArray, good: BoolArray, bite: float) -> BoolArray:
         """Good places where the tool does not touch stock either."""
+        around = box(places)
         for edges, least in self._stock:
             rows = good.nonzero()[0]
-            touched = edges.within(places[rows], self._radius * (1 - max(bite, least)))
+            reach = self._radius * (1 - max(bite, least))
+            touched = edges.within(places.take(rows, axis=0), reach, around)
             good[rows[touched]] = False
         return good
 

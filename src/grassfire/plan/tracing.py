@@ -239,9 +239,10 @@ class Tracer:
 
     def paths(self, cuts: Sequence[list[Piece]]) -> list[Path]:
         """Cuts that have a length as lines and arcs; wall pieces are the wall rings' own."""
-        free = [piece for pieces in cuts for piece in _closed(pieces) if piece.free and piece.long]
+        closed = [_closed(pieces) for pieces in cuts]
+        free = [piece for pieces in closed for piece in pieces if piece.free and piece.long]
         fitted = iter(fits([(it.points, it.heading, np.clip(it.room / 2, *FIT)) for it in free]))
-        return [self._path(_closed(pieces), fitted) for pieces in cuts]
+        return [self._path(pieces, fitted) for pieces in closed]
 
     def _path(self, pieces: list[Piece], fitted: Iterator[Path]) -> Path:
         """One cut; the next of the fitted paths are those of its free pieces."""
@@ -253,7 +254,7 @@ class Tracer:
                 own = next(fitted) if piece.free else self._walls.slice(samples[0], samples[-1])
             if own is not None and not piece.free:
                 begin = own.start
-            if paths and np.hypot(*(begin - paths[-1].end)) > 1e-9:
+            if paths and math.dist(begin, paths[-1].end) > 1e-9:
                 paths.append(segment(paths[-1].end, begin))
             if own is not None:
                 if paths:
