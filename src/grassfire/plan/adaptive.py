@@ -302,7 +302,7 @@ class AdaptivePocket:
 
     def _swept(self, centres: FloatArray) -> None:
         """Take note of what a way of the tool has cleared, in what is left as well."""
-        tree = cKDTree(centres)
+        tree = cKDTree(centres, compact_nodes=False, balanced_tree=False)
         bound, gap = self._radius * (1 - GRAZE), 4 * self._step
         self._cleared.add(centres)
         self._left = self._left.outside(tree, bound, gap)
@@ -453,11 +453,15 @@ class AdaptivePocket:
         if gaps[order[0]] <= self._step:
             # so short a way is part of the cut
             return order[0], None
+        tried = []
         for index in order[:LINK_TRIES]:
+            if not self._returns.open(starts[index].point):
+                continue
+            tried.append(index)
             link = self._returns.direct(place, heading, starts[index], smooth)
             if link is not None:
                 return index, link
-        for index in order[:LINK_TRIES]:
+        for index in tried:
             link = self._returns.over_map(place, starts[index])
             if link is not None:
                 return index, link
@@ -496,7 +500,7 @@ class AdaptivePocket:
         self._steps.append(sense)
         self._cuts[sense].append(cut)
         swept = densified(cut.points, self._step)
-        tree = cKDTree(swept)
+        tree = cKDTree(swept, compact_nodes=False, balanced_tree=False)
         new = self._new_fronts(cut, sense, tree)
         bound, gap = self._radius * (1 - GRAZE), 4 * self._step
         kept = fronts.outside(tree, bound, gap)
@@ -560,11 +564,11 @@ class AdaptivePocket:
         There the tool at the wall reaches the edge, and is not far into the stock.
         """
         least, most = self._radius * (1 - allowance), self._radius * (1 + allowance)
-        gap = self._walls.distance(places)
-        near = (gap >= least) & (gap <= most)
-        rows = np.flatnonzero(near)
+        near = self._walls.clearance(places, 2 * most) <= most
+        rows = near.nonzero()[0]
         if len(rows):
-            near[rows] = self._walls.clearance(places[rows], 2 * most) <= most
+            gap = self._walls.distance(places[rows])
+            near[rows] = (gap >= least) & (gap <= most)
         return np.asarray(near)
 
     def _new_fronts(self, cut: Cut, sense: Sense, own: cKDTree) -> list[Front]:

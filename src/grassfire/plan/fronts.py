@@ -395,8 +395,6 @@ def _continuation(
 ) -> tuple[int, int, int] | None:
     """The pair of chains that fits best, and the point of the second at which it goes on."""
     for _, one, two, skip in _neighbours(chains, radius):
-        if skip == 0 and chains[one].end_clearance(clearance) < AT_WALL * radius:
-            continue
         before, after = chains[one], chains[two].points
         at = skip
         if at == 0:
@@ -404,7 +402,9 @@ def _continuation(
             ahead = (after[:8] - before.points[-1]) @ unit(before.leave)
             at = min(int(np.argmax(np.append(ahead > 0, True))), len(after) - 2)
         turn = float(wrapped(np.array(direction(after[at : at + 4]) - before.leave)))
-        if -JOIN_RIGHT <= turn <= JOIN_LEFT:
+        if not -JOIN_RIGHT <= turn <= JOIN_LEFT:
+            continue
+        if skip or before.end_clearance(clearance) >= AT_WALL * radius:
             return one, two, at
     return None
 

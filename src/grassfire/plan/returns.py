@@ -141,6 +141,10 @@ class Returns:
         inside = self._walls.clearance(places, self._wall) - self._wall >= -SLACK
         return self._unstocked(places, np.asarray(inside), ROOM)
 
+    def open(self, place: FloatArray) -> bool:
+        """Whether ways in the frame may end at a place that is none of a wall's, or on its ring."""
+        return bool(self._unstocked(place[None], np.ones(1, dtype=bool), ROOM)[0])
+
     def holds(
         self,
         starts: FloatArray,
