@@ -147,6 +147,12 @@ def _slot(place: FloatArray, radius: float) -> Finding:
     )
 
 
+def _distances(starts: Sequence[Start], place: FloatArray) -> list[float]:
+    """Of starts from a place, mm."""
+    x, y = place.tolist()
+    return [math.hypot(start.point[0] - x, start.point[1] - y) for start in starts]
+
+
 class AdaptivePocket:
     """Strokes of one pocket, the same for every depth, and those that finish it.
 
@@ -385,10 +391,10 @@ class AdaptivePocket:
         """Cut along the front that is best reached; returns place and heading at its end."""
         ways = [(index, sense) for index in range(len(self._fronts)) for sense in self._senses]
         starts = [self._start(self._fronts[index], sense) for index, sense in ways]
-        gaps = [math.dist(start.point, place) for start in starts]
+        gaps = _distances(starts, place)
         if min(gaps) > FAR * self._radius:
             place, heading = self._tidied(place, heading)
-            gaps = [math.dist(start.point, place) for start in starts]
+            gaps = _distances(starts, place)
         chosen, link = self._best(place, heading, starts, gaps)
         (index, sense), start = ways[chosen], starts[chosen]
         front = self._fronts[index]
@@ -508,8 +514,7 @@ class AdaptivePocket:
         whole: list[Front] = []
         short: list[Front] = []
         for front in (*kept, *new):
-            long = len(front) > 2 and front.length > SHORTEST * self._radius
-            (whole if long and not self._thin(front) else short).append(front)
+            (short if self._slight(front) else whole).append(front)
         self._left = self._left.outside(tree, bound, gap).plus(short)
         self._fronts = Fronts(joined(whole, self._radius, self._step, self._walls.clearance))
         self._advance(fronts[0], sense)
@@ -539,15 +544,18 @@ class AdaptivePocket:
         others = self._fronts.without(index)
         self._fronts = others.plus([Front(rest)]) if len(rest) > 2 else others
 
-    def _thin(self, front: Front) -> bool:
-        """Whether what is behind a front can be left to the last lap round the wall."""
+    def _slight(self, front: Front) -> bool:
+        """Whether a front is short or can be left, with what is behind it, to the last lap."""
         known = self._spare.get(front)
         if known is None:
-            # a few places tell nearly always
-            few = front.points[:: max(1, len(front) // 8)]
-            known = bool(
-                self._spared(few, ALLOWANCE).all() and self._spared(front.points, ALLOWANCE).all()
-            )
+            known = len(front) <= 2 or front.length <= SHORTEST * self._radius
+            if not known:
+                # a few places tell nearly always
+                few = front.points[:: max(1, len(front) // 8)]
+                known = bool(
+                    self._spared(few, ALLOWANCE).all()
+                    and self._spared(front.points, ALLOWANCE).all()
+                )
             self._spare[front] = known
         return known
 
@@ -564,11 +572,11 @@ class AdaptivePocket:
         There the tool at the wall reaches the edge, and is not far into the stock.
         """
         least, most = self._radius * (1 - allowance), self._radius * (1 + allowance)
-        near = self._walls.clearance(places, 2 * most) <= most
+        gap = self._walls.distance(places)
+        near = (gap >= least) & (gap <= most)
         rows = near.nonzero()[0]
         if len(rows):
-            gap = self._walls.distance(places[rows])
-            near[rows] = (gap >= least) & (gap <= most)
+            near[rows] = self._walls.clearance(places[rows], 2 * most) <= most
         return np.asarray(near)
 
     def _new_fronts(self, cut: Cut, sense: Sense, own: cKDTree) -> list[Front]:

@@ -37,8 +37,10 @@ class Boundary:
         self._axis = axis
         self._columns = _Columns(axis.sites)
         left, low, right, high = axis.region.bounds()
-        size = max(right - left, high - low)
-        self._corner = np.array([left, low])
+        # tools and their rims may be a little outside
+        beyond = 2 * cell
+        size = max(right - left, high - low) + 2 * beyond
+        self._corner = np.array([left - beyond, low - beyond])
         cell = max(cell, FINEST * size)
         levels = max(0, int(np.ceil(np.log(size / cell) / np.log(DIVISION))))
         self._side = DIVISION**levels

@@ -388,7 +388,7 @@ class Tracer:
                     cut.index += int(touch.passed[end - 1])
                 return None
             if leave < len(ahead):
-                return self._left(cut, ahead[: leave + 1])
+                return self._left(cut, ahead[: leave + 1], touch)
             self._slid(cut, ahead)
             cut.index += int(touch.passed[-1])
             if sample == int(ahead[-1]):
@@ -396,17 +396,16 @@ class Tracer:
             sample = int(ahead[-1])
         return None
 
-    def _left(self, cut: _Cut, samples: IntArray) -> float:
+    def _left(self, cut: _Cut, samples: IntArray, touch: _Touch) -> float:
         """Along the wall to where the limit is reached, before the last sample; the bearing."""
-        last = samples[-1:]
-        touch = self._touch(cut, self._walls.points[last], self._walls.heading[last])
-        if len(samples) > 1:
+        leave = len(samples) - 1
+        if leave:
             share = np.arange(1, BETWEEN) / BETWEEN
             between = self._touch(cut, *self._walls.beyond(int(samples[-2]), share))
-            if (between.engagement >= cut.limit).any():
-                touch, samples = between, samples[:-1]
+            first = _first(between.engagement >= cut.limit)
+            if first < len(share):
+                touch, leave, samples = between, first, samples[:-1]
         self._slid(cut, samples)
-        leave = int(np.argmax(touch.engagement >= cut.limit))
         cut.index += int(touch.passed[leave])
         cut.point = touch.point[leave]
         return float(touch.bearing[leave])
