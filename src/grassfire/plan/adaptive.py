@@ -149,8 +149,8 @@ def _slot(place: FloatArray, radius: float) -> Finding:
 
 def _distances(starts: Sequence[Start], place: FloatArray) -> list[float]:
     """Of starts from a place, mm."""
-    x, y = place.tolist()
-    return [math.hypot(start.point[0] - x, start.point[1] - y) for start in starts]
+    here = place.tolist()
+    return [math.dist(start.point.tolist(), here) for start in starts]
 
 
 class AdaptivePocket:

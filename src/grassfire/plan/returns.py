@@ -91,15 +91,17 @@ class Returns:
     def _first_clear(self, ways: Sequence[Path]) -> Path | None:
         """The first way of the frame that touches neither wall nor stock."""
         places, first = self._probes(ways)
-        # a few places tell nearly always of those that touch
-        chosen = np.zeros(len(places), dtype=bool)
-        chosen[::FEW] = chosen[first] = True
-        few = chosen.nonzero()[0]
-        touching = few[~self._clear(places[few])]
-        owner = first.searchsorted(touching, side="right") - 1
         stops = [*first[1:].tolist(), len(places)]
-        for number, (low, high) in enumerate(zip(first.tolist(), stops, strict=True)):
-            if number not in owner and self._clear(places[low:high]).all():
+        # all of the first way, of the others a few places: these tell nearly always if they touch
+        chosen = np.zeros(len(places), dtype=bool)
+        chosen[: stops[0]] = chosen[::FEW] = chosen[first] = True
+        rows = chosen.nonzero()[0]
+        touching = rows[~self._clear(places[rows])]
+        owner = first.searchsorted(touching, side="right") - 1
+        for number, stop in enumerate(stops):
+            if number in owner:
+                continue
+            if number == 0 or self._clear(places[first[number] : stop]).all():
                 return ways[number]
         return None
 
