@@ -137,26 +137,12 @@ class Fronts(Sequence[Front]):
         """Those whose boxes come within `reach` mm of a box."""
         return [self._items[row] for row in self._rows(around, reach)]
 
-    def within(self, places: FloatArray, reach: float, around: Box | None = None) -> BoolArray:
-        """(n,) which places have a point of one of them nearer than `reach` mm.
-
-        `around` is a box that holds the places, if one is known.
-        """
-        result = np.zeros(len(places), dtype=bool)
-        if not len(places) or not self._items:
-            return result
-        around = around or box(places)
-        near = self.near(around, reach)
-        if not near:
-            return result
-        points = np.concatenate([front.points for front in near]) if near[1:] else near[0].points
-        if len(points) > FEW:
-            points = points[_around(points, around, reach)]
-        if len(points) <= FEW:
-            return _any_within(places, points, reach)
-        for front in near:
-            result[touched(places, front, reach)] = True
-        return result
+    def within(self, places: FloatArray, reach: float) -> BoolArray:
+        """(n,) which places have a point of one of them nearer than `reach` mm."""
+        if not len(places):
+            return np.zeros(0, dtype=bool)
+        around = box(places)
+        return touching(places, around, [(front, reach) for front in self.near(around, reach)])
 
     def without(self, index: int) -> Fronts:
         """All but one."""
@@ -213,14 +199,29 @@ def _around(places: FloatArray, sides: Box, reach: float) -> BoolArray:
     return (x > left - reach) & (x < right + reach) & (y > low - reach) & (y < high + reach)
 
 
-def _any_within(places: FloatArray, points: FloatArray, reach: float) -> BoolArray:
-    """(n,) which places have one of some points nearer than `reach` mm, pair by pair."""
-    across = places[:, :1] - points[:, 0]
-    along = places[:, 1:] - points[:, 1]
-    across *= across
-    along *= along
-    across += along
-    return np.asarray((across < reach * reach).any(axis=1))
+def touching(
+    places: FloatArray, around: Box, fronts: Sequence[tuple[Front, float]]
+) -> BoolArray:
+    """(n,) which places in a box have a point of a front nearer than the reach given with it."""
+    result = np.zeros(len(places), dtype=bool)
+    near = [(front.points, reach) for front, reach in fronts if len(front) <= FEW]
+    for front, reach in fronts:
+        if len(front) > FEW:
+            points = front.points[_around(front.points, around, reach)]
+            if len(points) > FEW:
+                result[touched(places, front, reach)] = True
+            else:
+                near.append((points, reach))
+    if near:
+        points = np.concatenate([points for points, _ in near])
+        square = np.array([reach**2 for _, reach in near]).repeat([len(it) for it, _ in near])
+        across = places[:, :1] - points[:, 0]
+        along = places[:, 1:] - points[:, 1]
+        across *= across
+        along *= along
+        across += along
+        result |= (across < square).any(axis=1)
+    return result
 
 
 def touched(places: FloatArray, front: Front, reach: float) -> IntArray:

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from grassfire.medial import MedialAxis
-from grassfire.plan.fronts import Front, Fronts, box, touched
+from grassfire.plan.fronts import Front, Fronts, box, touched, touching
 from grassfire.plan.link import straight
 from grassfire.plan.path import BoolArray, IntArray, Path, join, turned
 from grassfire.plan.roadmap import RoadMap
@@ -233,12 +233,16 @@ class Returns:
 
     def _unstocked(self, places: FloatArray, good: BoolArray, bite: float) -> BoolArray:
         """Good places where the tool does not touch stock either."""
+        rows = good.nonzero()[0]
+        if not len(rows):
+            return good
+        places = places.take(rows, axis=0)
         around = box(places)
+        near = []
         for edges, least in self._stock:
-            rows = good.nonzero()[0]
             reach = self._radius * (1 - max(bite, least))
-            touched = edges.within(places.take(rows, axis=0), reach, around)
-            good[rows[touched]] = False
+            near += [(front, reach) for front in edges.near(around, reach)]
+        good[rows[touching(places, around, near)]] = False
         return good
 
     def _roomy(self, places: FloatArray) -> BoolArray:
