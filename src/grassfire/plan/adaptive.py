@@ -191,7 +191,7 @@ class AdaptivePocket:
         self._fronts = Fronts()
         self._left = Fronts()
         self._length = 0.0
-        self._starts: dict[tuple[Front, Sense], Start] = {}
+        self._starts: dict[Front, list[Start]] = {}
         self._spare: dict[Front, bool] = {}
         self._steps: list[Stroke | Sense] = []
         self._cuts: dict[Sense, list[Cut]] = {sense: [] for sense in self._senses}
@@ -389,16 +389,16 @@ class AdaptivePocket:
 
     def _next(self, place: FloatArray, heading: float) -> tuple[FloatArray, float]:
         """Cut along the front that is best reached; returns place and heading at its end."""
-        ways = [(index, sense) for index in range(len(self._fronts)) for sense in self._senses]
-        starts = [self._start(self._fronts[index], sense) for index, sense in ways]
+        starts = [start for front in self._fronts for start in self._starts_of(front)]
         gaps = _distances(starts, place)
         if min(gaps) > FAR * self._radius:
             place, heading = self._tidied(place, heading)
             gaps = _distances(starts, place)
         chosen, link = self._best(place, heading, starts, gaps)
-        (index, sense), start = ways[chosen], starts[chosen]
-        front = self._fronts[index]
-        cut = sense.cut(front.points, start, self._fronts.without(index).within)
+        index, start = chosen // len(self._senses), starts[chosen]
+        sense = self._senses[chosen % len(self._senses)]
+        front, others = self._fronts[index], self._fronts.without(index)
+        cut = sense.cut(front.points, start, others.within)
         if cut.begin is None:
             # nothing to cut there that a sample tells from nothing
             self._behead(index, sense)
@@ -413,7 +413,6 @@ class AdaptivePocket:
                 self._give_up(index)
                 return place, heading
             place = self._land(place, landing, start)
-        others = self._fronts.without(index)
         return self._take(cut, sense, Fronts([front]).plus(others), place)
 
     def _give_up(self, index: int) -> None:
@@ -473,11 +472,13 @@ class AdaptivePocket:
                 return index, link
         return order[0], None
 
-    def _start(self, front: Front, sense: Sense) -> Start:
-        known = self._starts.get((front, sense))
+    def _starts_of(self, front: Front) -> list[Start]:
+        """Where cuts along a front begin, one for each sense."""
+        known = self._starts.get(front)
         if known is None:
-            known = sense.start(front.points, self._settings.wall, self._returns.free)
-            self._starts[front, sense] = known
+            wall, free = self._settings.wall, self._returns.free
+            known = [sense.start(front.points, wall, free) for sense in self._senses]
+            self._starts[front] = known
         return known
 
     def _stroke(self, kind: StrokeKind, path: Path, role: Role, air: bool = False) -> None:
@@ -519,18 +520,18 @@ class AdaptivePocket:
         self._fronts = Fronts(joined(whole, self._radius, self._step, self._walls.clearance))
         self._advance(fronts[0], sense)
         self._returns.update(self._fronts, self._left)
-        known = set(self._fronts)
-        self._starts = {key: value for key, value in self._starts.items() if key[0] in known}
-        self._spare = {key: value for key, value in self._spare.items() if key in known}
+        starts, spare = self._starts, self._spare
+        self._starts = {front: starts[front] for front in self._fronts if front in starts}
+        self._spare = {front: spare[front] for front in self._fronts if front in spare}
         return cut.points[-1], float(cut.heading[-1])
 
     def _advance(self, front: Front, sense: Sense) -> None:
         """Where a cut has left its front as it was, its head folds back: go on without it."""
-        near, ends = self._step / 2, front.points[[0, -1]]
+        near, size = self._step / 2, front.length
         for index, other in enumerate(self._fronts):
-            if abs(other.length - front.length) >= 2 * near:
+            if abs(other.length - size) >= 2 * near:
                 continue
-            if np.hypot(*(other.points[[0, -1]] - ends).T).max() < near:
+            if np.hypot(*(other.points[[0, -1]] - front.points[[0, -1]]).T).max() < near:
                 self._behead(index, sense)
                 return
 

@@ -417,24 +417,32 @@ def _neighbours(chains: list[Front], radius: float) -> list[tuple[float, int, in
     0 where it begins there.
     """
     reach = JOIN_GAP * radius
+    # those that are settled both have been refused before
     fresh = [index for index, chain in enumerate(chains) if not chain.settled]
+    pairs = set()
+    for own in fresh:
+        x, y = chains[own].last
+        for two, chain in enumerate(chains):
+            left, low, right, high = chain.head
+            if left - reach <= x <= right + reach and low - reach <= y <= high + reach:
+                pairs.add((own, two))
+        left, low, right, high = chains[own].head
+        for one, chain in enumerate(chains):
+            x, y = chain.last
+            if left - reach <= x <= right + reach and low - reach <= y <= high + reach:
+                pairs.add((one, own))
     found = []
-    for one, chain in enumerate(chains):
-        x, y = chain.last
-        # those that are settled both have been refused before
-        for two in fresh if chain.settled else range(len(chains)):
-            left, low, right, high = chains[two].head
-            beside = left - reach <= x <= right + reach and low - reach <= y <= high + reach
-            if two == one or not beside:
-                continue
-            other = chains[two].points
-            head = other[: min(HEAD, len(other) - 2)] - chain.points[-1]
-            gap = np.hypot(head[:, 0], head[:, 1])
-            nearest = int(gap.argmin())
-            if nearest and gap[nearest] <= 4 * GRAZE * radius:
-                found.append((float(gap[nearest]), one, two, nearest))
-            elif gap[0] <= reach:
-                found.append((float(gap[0]), one, two, 0))
+    for one, two in pairs:
+        if one == two:
+            continue
+        other = chains[two].points
+        head = other[: min(HEAD, len(other) - 2)] - chains[one].points[-1]
+        gap = np.hypot(head[:, 0], head[:, 1])
+        nearest = int(gap.argmin())
+        if nearest and gap[nearest] <= 4 * GRAZE * radius:
+            found.append((float(gap[nearest]), one, two, nearest))
+        elif gap[0] <= reach:
+            found.append((float(gap[0]), one, two, 0))
     return sorted(found)
 
 

@@ -208,7 +208,10 @@ class Tracer:
             points = self._walls.points.take(back, axis=0)
             across = points[:, :1] - front[:BACK, 0]
             along = points[:, 1:] - front[:BACK, 1]
-            clear = np.hypot(across, along).min(axis=1) >= radius * (1 - 1e-3)
+            across *= across
+            along *= along
+            across += along
+            clear = across.min(axis=1) >= (radius * (1 - 1e-3)) ** 2
             first = _first(clear)
             if first < len(clear) or not inside:
                 chosen = int(back[first % len(clear)])
