@@ -272,7 +272,7 @@ class Tracer:
         Between teeth the tool advances by a bite; on an arc it turns by bite over radius meanwhile.
         Between walls the way has about the room there as its radius.
         """
-        room = math.dist(front[-1].tolist(), front[0].tolist()) / 2 - self._radius
+        room = _gap(front[-1], front[0]) / 2 - self._radius
         return self._limit - min(BITE * self._radius / max(room, 1e-9), float(MOST_TURN))
 
     def _extended(self, front: FloatArray) -> FloatArray:
