@@ -74,7 +74,7 @@ class Boundary:
             return self._exact(points, cell)
         if len(near):
             result[near] = self._exact(points.take(near, axis=0), cell.take(near))
-        return result
+        return np.asarray(result)
 
     def _exact(self, points: FloatArray, cell: IntArray) -> FloatArray:
         """(n,) signed distance of points in given cells, mm."""
@@ -93,9 +93,7 @@ class Boundary:
         nearest = (away == least.repeat(count)) & inside
         return np.where(np.logical_or.reduceat(nearest, start), least, -least)
 
-    def _divided(
-        self, size: float, levels: int
-    ) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+    def _divided(self, size: float, levels: int) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
         """First row and number of the sites of each cell, row by row, the sites, and bounds.
 
         These are of the distance from the boundary inside the region, of all places of the cell.

@@ -41,8 +41,11 @@ AT_WALL = 0.1
 FOLD = 2.5
 """Where an edge runs back over itself by so many steps at most, its points there are dropped."""
 
-FEW = 200
-"""Of so few points near places all pairs are looked at, without a tree."""
+SLIVER = 20
+"""Fronts of so few points are not searched for those near places."""
+
+PAIRS = 20000
+"""So many pairs of places and points are looked at one by one, more by trees."""
 
 Clearances = Callable[[FloatArray], FloatArray]
 """Distance of points (n, 2) from the walls, (n,) mm."""
@@ -176,14 +179,14 @@ class Fronts(Sequence[Front]):
     def _rows(self, around: Box, reach: float) -> list[int]:
         left, low, right, high = around
         least = [[left - reach], [low - reach], [-right - reach], [-high - reach]]
-        near: list[int] = (self._sides >= least).all(axis=0).nonzero()[0].tolist()
-        return near
+        near = np.all(self._sides >= least, axis=0).nonzero()[0]
+        return [int(row) for row in near]
 
 
 def _sides(fronts: Sequence[Front]) -> FloatArray:
     """(4, n) largest x and y, least x and y of each, the latter with the other sign, mm."""
-    boxes = [front.box for front in fronts]
-    return np.array([(right, high, -left, -low) for left, low, right, high in boxes]).reshape(-1, 4).T
+    sides = [(right, high, -left, -low) for left, low, right, high in (it.box for it in fronts)]
+    return np.array(sides).reshape(-1, 4).T
 
 
 def box(points: FloatArray) -> Box:
@@ -199,22 +202,21 @@ def _around(places: FloatArray, sides: Box, reach: float) -> BoolArray:
     return (x > left - reach) & (x < right + reach) & (y > low - reach) & (y < high + reach)
 
 
-def touching(
-    places: FloatArray, around: Box, fronts: Sequence[tuple[Front, float]]
-) -> BoolArray:
+def touching(places: FloatArray, around: Box, fronts: Sequence[tuple[Front, float]]) -> BoolArray:
     """(n,) which places in a box have a point of a front nearer than the reach given with it."""
     result = np.zeros(len(places), dtype=bool)
-    near = [(front.points, reach) for front, reach in fronts if len(front) <= FEW]
+    few = []
     for front, reach in fronts:
-        if len(front) > FEW:
-            points = front.points[_around(front.points, around, reach)]
-            if len(points) > FEW:
-                result[touched(places, front, reach)] = True
-            else:
-                near.append((points, reach))
-    if near:
-        points = np.concatenate([points for points, _ in near])
-        square = np.array([reach**2 for _, reach in near]).repeat([len(it) for it, _ in near])
+        points = front.points
+        if len(points) > SLIVER:
+            points = points.take(_around(points, around, reach).nonzero()[0], axis=0)
+        if len(points) * len(places) > PAIRS:
+            result[touched(places, front, reach)] = True
+        elif len(points):
+            few.append((points, reach))
+    if few:
+        points = np.concatenate([points for points, _ in few])
+        square = np.array([reach**2 for _, reach in few]).repeat([len(it) for it, _ in few])
         across = places[:, :1] - points[:, 0]
         along = places[:, 1:] - points[:, 1]
         across *= across

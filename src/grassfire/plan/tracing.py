@@ -212,9 +212,8 @@ class Tracer:
             along *= along
             across += along
             clear = across.min(axis=1) >= (radius * (1 - 1e-3)) ** 2
-            first = _first(clear)
-            if first < len(clear) or not inside:
-                chosen = int(back[first % len(clear)])
+            if clear.any() or not inside:
+                chosen = int(back[int(clear.argmax())])
                 return Start(chosen, self._walls.points[chosen], float(self._walls.heading[chosen]))
         leads = np.array(LEADS) * radius
         places = before - leads[:, None] * unit(heading)
@@ -524,7 +523,7 @@ def _turned(angle: float) -> float:
 def _gaps(one: FloatArray, two: FloatArray) -> FloatArray:
     """(n,) distances of points (n, 2) from others."""
     offset = one - two
-    return np.hypot(offset[:, 0], offset[:, 1])
+    return np.asarray(np.hypot(offset[:, 0], offset[:, 1]))
 
 
 def _gap(one: FloatArray, two: FloatArray) -> float:
