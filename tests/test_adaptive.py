@@ -31,6 +31,7 @@ from grassfire.plan.fronts import (
     length,
     runs,
     swept_edge,
+    touching,
 )
 from grassfire.plan.path import Path, from_loop
 from grassfire.plan.pursuit import unit, wrapped
@@ -479,7 +480,7 @@ def test_fronts_that_were_refused_once_are_not_compared_again() -> None:
     assert len(joined([*settled, Front(chain[100:])], RADIUS, 0.15, far_from_walls)) == 2
 
 
-def test_disks_know_the_nearest_centre() -> None:
+def test_disks_know_what_is_within_reach() -> None:
     random = np.random.default_rng(2)
     parts = [random.uniform(0, 50, (count, 2)) for count in (40, 3, 90, 1, 400)]
     disks, every = Disks(), np.concatenate(parts)
@@ -487,7 +488,23 @@ def test_disks_know_the_nearest_centre() -> None:
         disks.add(part)
     asked = random.uniform(0, 50, (60, 2))
     gap = np.hypot(*(asked[:, None] - every[None]).transpose(2, 0, 1)).min(axis=1)
-    assert disks.distance(asked, 2.0) == pytest.approx(np.where(gap < 2.0, gap, np.inf))
+    for reach in (0.5, 2.0, 100.0):
+        assert np.array_equal(disks.within(asked, reach), gap < reach)
+    assert disks.within(asked[:0], 2.0).shape == (0,)
+
+
+@pytest.mark.parametrize("count", [3, 60, 900])
+def test_touched_places_are_those_of_all_pairs(count: int) -> None:
+    random = np.random.default_rng(count)
+    places = random.uniform(0, 40, (count, 2))
+    fronts = [(Front(random.uniform(0, 40, (size, 2))), 1.0 + size / 900) for size in (2, 90, 800)]
+    around = (0.0, 0.0, 40.0, 40.0)
+    expected = np.zeros(count, dtype=bool)
+    for front, reach in fronts:
+        gap = np.hypot(*(places[:, None] - front.points[None]).transpose(2, 0, 1)).min(axis=1)
+        expected |= gap < reach
+    assert np.array_equal(touching(places, around, fronts), expected)
+    assert not touching(places, around, []).any()
 
 
 # -- walls ----------------------------------------------------------------------------------------
@@ -520,13 +537,19 @@ def test_wall_samples_go_round_and_slices_follow_them() -> None:
 def test_prepared_distances_are_those_of_the_axis(kind: str) -> None:
     axis = medial_axis(REGIONS[kind]())
     left, low, right, high = axis.region.bounds()
-    places = np.random.default_rng(5).uniform((left - 4, low - 4), (right + 4, high + 4), (4000, 2))
+    places = np.random.default_rng(5).uniform((left - 9, low - 9), (right + 9, high + 9), (9000, 2))
     # joints, where two sites are as near, and places beside them
     joints = np.array([curve.start for loop in axis.region.loops for curve in loop.curves])
     places = np.concatenate([places, joints, *(joints + step for step in (1e-3, -1e-3, 0.3))])
     boundary = Boundary(axis, 3.0)
-    assert boundary.clearance(places) == pytest.approx(axis.clearance(places), abs=1e-9)
+    exact = axis.clearance(places)
+    assert boundary.clearance(places) == pytest.approx(exact, abs=1e-9)
     assert boundary.clearance(places[:0]).shape == (0,)
+    # what is enough may be less than it is, but no less than enough
+    bound = boundary.clearance(places, 2.0)
+    assert np.array_equal(bound >= 2.0, exact >= 2.0)
+    assert bound[bound < 2.0] == pytest.approx(exact[exact < 2.0], abs=1e-9)
+    assert np.all(bound <= exact + 1e-9)
 
 
 def test_curves_other_than_lines_and_arcs_are_left_to_the_axis() -> None:

@@ -484,7 +484,7 @@ def _eased(front: FloatArray, limit: float, ease: tuple[float, float] | None) ->
     gone = np.zeros(len(front) - 1)
     np.hypot(chord[:, 0], chord[:, 1]).cumsum(out=gone[1:])
     share = np.minimum(gone / ease[1], 1.0)
-    return np.maximum(limit * share**2 * (3 - 2 * share), min(ease[0], limit))
+    return np.asarray(np.maximum(limit * share**2 * (3 - 2 * share), min(ease[0], limit)))
 
 
 def _alone(places: FloatArray, reach: float) -> BoolArray:
