@@ -69,6 +69,9 @@ MARGIN = 0.003
 WIDE = 0.95
 """Room where clearing begins, as a part of the most there is."""
 
+LEAST_TURN = 0.33
+"""Smallest helix where there is room for a larger one, as a part of the tool radius."""
+
 LIGHT = 0.28
 """Part of a pass that the flat lap at the foot of the helix may take in depth."""
 
@@ -183,8 +186,10 @@ class AdaptivePocket:
             for reflect in (not settings.climb, settings.climb)[: 2 if settings.both else 1]
         ]
         self._walls = walls[0]
+        film = 0.9 * ALLOWANCE * self._radius if settings.finish else 0.0
         self._senses = [
-            Sense(Tracer(own, self._radius, engagement), own is not self._walls) for own in walls
+            Sense(Tracer(own, self._radius, engagement, film), own is not self._walls)
+            for own in walls
         ]
         self._returns = Returns(axis, self._walls, settings.wall, self._radius)
         self._cleared = Disks()
@@ -226,13 +231,17 @@ class AdaptivePocket:
         self.strokes = self._written()
         rings = [ring if settings.climb else ring.reversed() for ring in self._part.rings]
         here = self._walls.frame(place[None])[0]
-        if not lap and not settings.finish:
-            return np.asarray(here)
-        last = wall_pass(self._axis, rings, settings, here, self._worth_walking)
-        if lap:
-            self.strokes += [replace(stroke, between=settings.finish) for stroke in last]
-        self.finish += last if settings.finish else []
-        return np.asarray(last[-1].path.end)
+        if lap or settings.finish:
+            last = wall_pass(self._axis, rings, settings, here, self._worth_walking)
+            here = last[-1].path.end
+            if lap:
+                self.strokes += [replace(stroke, between=settings.finish) for stroke in last]
+            if settings.finish:
+                self.finish += last
+        # the next pass begins over what this one has cleared
+        end, first = self.strokes[-1].path.end, self.strokes[0]
+        self.strokes[0] = replace(first, approach=self._returns.across(end, first.path.start))
+        return np.asarray(here)
 
     def _worth_walking(self, start: FloatArray, end: FloatArray) -> Path | None:
         """A way at the floor between places of the drawing, where it is quicker than a retract."""
@@ -385,7 +394,7 @@ class AdaptivePocket:
         """Largest that leaves no core and whose turns sink so little that the last lap is light."""
         sink = LIGHT * self._settings.step
         gentle = sink / (2 * np.pi * np.tan(self._settings.slope))
-        return float(np.clip(gentle, 0.4 * self._radius, entry.NO_CORE * self._radius))
+        return float(np.clip(gentle, LEAST_TURN * self._radius, entry.NO_CORE * self._radius))
 
     def _next(self, place: FloatArray, heading: float) -> tuple[FloatArray, float]:
         """Cut along the front that is best reached; returns place and heading at its end."""

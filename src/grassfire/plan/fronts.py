@@ -333,11 +333,13 @@ def swept_edge(centres: FloatArray, radius: float, step: float) -> tuple[FloatAr
     angle = heading.take(owner) + bend * turned
     middle = begin.take(owner, axis=0)
     middle += chord.take(owner, axis=0) * moved[:, None]
-    # right turns move the edge back: short folds along itself would look like its boundary
+    # right turns move the edge back: what they add themselves is never part of the outline, and
+    # short folds along itself would look like it
     part = (size / np.maximum(1, np.ceil(size / step))).take(owner)
-    along = np.where((moved == 1) & (bend < 0) & (turned > 0), -part, part).cumsum()
+    back = (moved == 1) & (bend < 0) & (turned > 0)
+    along = np.where(back, -part, part).cumsum()
     behind = np.maximum.accumulate(along) - along
-    forward = ((behind <= 0) | (behind > FOLD * step)).nonzero()[0]
+    forward = ((behind <= 0) | (behind > FOLD * step) & ~back).nonzero()[0]
     edge = middle.take(forward, axis=0) + radius * unit(angle.take(forward) - np.pi / 2)
     first = begin[:1] + radius * unit(heading[:1] - np.pi / 2)
     owner = number.take(owner.take(forward))

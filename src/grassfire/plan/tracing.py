@@ -23,7 +23,7 @@ SAMPLING = 0.05
 FIRST_BITE = 0.1, 0.2
 """Engagement with which the opening spiral and other cuts from the open begin, radians."""
 
-EASE = 6.0, 1.2
+EASE = 3.0, 1.2
 """Length over which it rises to the limit, as parts of the tool radius."""
 
 LEADS = 0.5, 1.0, 1.5
@@ -142,12 +142,15 @@ class Tracer:
     walls : Walls
     radius, engagement : float
         Of the tool, mm; largest engagement, radians.
+    film : float
+        Thickest stock that may be left along the wall where a cut ends, mm.
     """
 
-    def __init__(self, walls: Walls, radius: float, engagement: float) -> None:
+    def __init__(self, walls: Walls, radius: float, engagement: float, film: float) -> None:
         self._walls = walls
         self._radius = radius
         self._limit = engagement
+        self._film = math.acos(1 - film / radius)
         self._step = SAMPLING * radius
 
     def spiral(self, front: FloatArray, tail: Callable[[FloatArray], int]) -> list[Piece]:
@@ -421,7 +424,10 @@ class Tracer:
             gap = cut.front[cut.real - 1] - place[late]
             bearing = np.arctan2(gap[:, 1], gap[:, 0])
             behind = wrapped(bearing - self._walls.heading[samples[late]] + np.pi / 2) < 0
-            spent[late] = behind | (np.hypot(gap[:, 0], gap[:, 1]) > self._radius)
+            # the edge that is met beyond the end may be that of a film
+            angle = touch.engagement[late]
+            film = touch.found[late] & (angle >= 0) & (angle <= self._film)
+            spent[late] = behind | film | (np.hypot(gap[:, 0], gap[:, 1]) > self._radius)
         air = (~touch.found).nonzero()[0]
         if len(air):
             spent[air] |= cut.others(place[air], self._radius * (1 - GRAZE))
