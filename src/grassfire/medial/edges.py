@@ -116,8 +116,8 @@ class Fit:
     error : (k,) float array
         Largest deviation of a disk from the exact one of the same parameter, mm.
     facing : (k, 13) float array
-        Parameters of the contacts on the partner at the Chebyshev points of degree 12; between
-        lines and lines or points interpolated from five of them. See `contacts` for other places.
+        Parameters of the contacts on the partner at the Chebyshev points of degree 12. See
+        `contacts` for other places.
     exact : (k,) bool array
         Whether the piece is a line or a parabola, because of what its sites are.
     vertex_centre, vertex_radius : (v, 2) and (v,) float arrays

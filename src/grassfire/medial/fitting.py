@@ -16,6 +16,7 @@ import numpy as np
 
 from grassfire.errors import GeometryError
 from grassfire.geometry.chebyshev import bernstein, interpolate_to_bezier, nodes
+from grassfire.medial.bisectors import between_lines
 from grassfire.medial.edges import (
     DEGREES,
     FEET_APART,
@@ -34,8 +35,7 @@ from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Si
 
 _COARSE = np.array([3, 6, 9])
 _FINE = np.array([1, 2, 4, 5, 7, 8, 10, 11])
-_COARSE_AND_ENDS = (0, 3, 6, 9, TOP)
-_EVERY = tuple(range(TOP + 1))
+_COARSE_AND_ENDS = [0, 3, 6, 9, TOP]
 _CHECKS = np.sin(np.pi * (np.array([0, 3, 8, 11]) + 0.5) / (2 * TOP)) ** 2
 """Midway between Chebyshev points, where the error of the highest degree is largest."""
 
@@ -109,16 +109,18 @@ def fit_edges(
         An edge that does not converge, with its place.
     """
     span = graph_spans(graph, sites)
-    done: list[Interpolants] = []
     joints = [np.concatenate([graph.vertex_centre, graph.vertex_radius[:, None]], axis=1)]
     most = _MOST_HALVES * (len(span) + 1)
     worst = max(tolerance, largest or 0.0)
+    done, span = between_lines(sites, span, tolerance)
     straight, between, span = between_corners(sites, span, tolerance, len(joints[0]))
     done.append(straight)
     joints.append(between)
     hint: FloatArray | None = None
     halvings = np.zeros(len(span), dtype=np.int64)
     for level in range(depth):
+        if not len(span):
+            break
         patient = halvings < _PATIENCE
         pieces = _interpolate(sites, span, np.where(patient, tolerance, worst), patient, hint)
         lost = (pieces.degree == 0) & (_known_degree(sites, span) == 2)
@@ -270,7 +272,7 @@ def _interpolate(
         found, where = evaluate_span(sites, span, _INNER, hint)
         disks[:, 1:-1], facing[:, 1:-1] = found[:, : TOP - 1], where[:, : TOP - 1]
         checks = found[:, TOP - 1 :]
-    _try(pieces, np.flatnonzero(pieces.degree == 0), DEGREES[:-1], _EVERY)
+    _try(pieces)
     rows = np.flatnonzero((pieces.degree == 0) & np.isfinite(disks).all(axis=(1, 2)))
     if len(rows):
         if hint is None:
@@ -281,23 +283,13 @@ def _interpolate(
 
 
 def _coarse_and_fine(sites: Sites, pieces: _Trials, moved: FloatArray) -> None:
-    """Disks and contacts at the Chebyshev points, coarse ones first; lines and parabolas."""
+    """Disks and contacts at the Chebyshev points, coarse ones first."""
     span, disks, facing = pieces.span, pieces.disks, pieces.facing
     first = _first_hint(span, moved)
     disks[:, _COARSE], facing[:, _COARSE] = evaluate_span(sites, span, NODES[_COARSE], first)
-    coarse = _COARSE_AND_ENDS
-    # Contacts on lines and points are known where those of their ends are; on arcs they turn.
-    known = np.where(sites.kind[span.partner] == SiteKind.ARC, 0, _known_degree(sites, span))
-    for degree in (1, 2):
-        _try(pieces, np.flatnonzero(known == degree), (degree,), coarse)
     with np.errstate(invalid="ignore"):
-        rest = facing[:, list(coarse)] @ _resampling(4).T
-    easy = np.flatnonzero(pieces.degree > 0)
-    facing[easy[:, None], _FINE] = rest[easy]
-    rows = np.flatnonzero(pieces.degree == 0)
-    if len(rows):
-        found = evaluate_span(sites, span.take(rows), NODES[_FINE], rest[rows])
-        disks[rows[:, None], _FINE], facing[rows[:, None], _FINE] = found
+        rest = facing[:, _COARSE_AND_ENDS] @ _resampling(4).T
+    disks[:, _FINE], facing[:, _FINE] = evaluate_span(sites, span, NODES[_FINE], rest)
 
 
 @lru_cache(maxsize=2)
@@ -308,29 +300,28 @@ def _resampling(degree: int) -> FloatArray:
     return np.asarray(bernstein(degree, at) @ basis)
 
 
-@lru_cache(maxsize=8)
-def _deviations(degrees: tuple[int, ...], known: tuple[int, ...]) -> FloatArray:
-    """From values at the nodes `known` to what polynomials of `degrees` deviate there, stacked."""
-    place = {node: column for column, node in enumerate(known)}
-    result = np.zeros((len(degrees), len(known), len(known)))
+@lru_cache(maxsize=1)
+def _deviations() -> FloatArray:
+    """From values at all nodes to what polynomials of lower degrees deviate there, stacked."""
+    degrees, count = DEGREES[:-1], TOP + 1
+    result = np.zeros((len(degrees), count, count))
     for matrix, degree in zip(result, degrees, strict=True):
-        chosen = [place[node] for node in range(0, TOP + 1, TOP // degree)]
+        chosen = np.arange(0, count, TOP // degree)
         basis = interpolate_to_bezier(np.eye(degree + 1))
-        matrix[:, chosen] = bernstein(degree, NODES[list(known)]) @ basis
+        matrix[:, chosen] = bernstein(degree, NODES) @ basis
         # At its own nodes a polynomial has the very values.
         matrix[chosen] = 0.0
-        others = np.setdiff1d(np.arange(len(known)), chosen)
+        others = np.setdiff1d(np.arange(count), chosen)
         matrix[others, others] -= 1.0
-    return np.asarray(result.reshape(-1, len(known)))
+    return np.asarray(result.reshape(-1, count))
 
 
-def _try(pieces: _Trials, rows: IntArray, degrees: tuple[int, ...], known: tuple[int, ...]) -> None:
-    """Accept the lowest degree that is good enough at all nodes of which the disks are `known`."""
-    if not len(rows):
-        return
-    disks = pieces.disks[rows]
+def _try(pieces: _Trials) -> None:
+    """Accept the lowest degree that is good enough at all Chebyshev points."""
+    degrees = DEGREES[:-1]
     with np.errstate(invalid="ignore"):
-        off = _deviations(degrees, known) @ disks[:, list(known)]
+        off = _deviations() @ pieces.disks
+    rows = np.arange(len(off))
     away = _deviation(pieces, rows, off).reshape(len(rows), len(degrees), -1).max(axis=2)
     # Where the partner is out of reach the edge is not what the graph says: left open.
     away = np.where(np.isfinite(away), away, np.inf)
@@ -340,8 +331,8 @@ def _try(pieces: _Trials, rows: IntArray, degrees: tuple[int, ...], known: tuple
     for column, degree in enumerate(degrees):
         members = np.flatnonzero(found & (lowest == column))
         if len(members):
-            table = interpolate_to_bezier(disks[members, :: TOP // degree])
-            _accept(pieces, rows[members], degree, table, away[members, column])
+            table = interpolate_to_bezier(pieces.disks[members, :: TOP // degree])
+            _accept(pieces, members, degree, table, away[members, column])
 
 
 @lru_cache(maxsize=1)
@@ -490,8 +481,11 @@ def _drawable(
     The sagitta of a chord is |x' cross x''| / |x'| times its parameter step squared over 8.
     """
     parts = np.ones(len(pieces.span), dtype=np.int64)
-    for degree in np.unique(pieces.degree[pieces.degree > 1]):
-        rows = np.flatnonzero(pieces.degree == degree)
+    bent = np.where(pieces.degree > 1, pieces.degree, 0)
+    # Between two corners the axis is straight.
+    bent[pieces.span.hyperbolic] = 0
+    for degree in np.unique(bent[bent > 0]):
+        rows = np.flatnonzero(bent == degree)
         bend = _bend(pieces.table[rows, : degree + 1, :2])
         parts[rows] = np.ceil(np.sqrt(np.maximum(bend / (8 * _CHORDS**2 * tolerance), 1.0)))
     long = np.flatnonzero(parts > 1)

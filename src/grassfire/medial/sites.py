@@ -191,6 +191,12 @@ class Sites:
         line = self.kind == SiteKind.LINE
         return np.where(line, dot(self._direction, self._direction), 1.0)
 
+    @cached_property
+    def inward(self) -> FloatArray:
+        """(m, 2) inward unit normals of lines, 0 for others."""
+        x, y = (self._direction / np.sqrt(self._square)[:, None]).T
+        return np.stack([-y, x], axis=1)
+
     def _arc(self, site: IntArray, parameter: FloatArray) -> Iterator[FloatArray]:
         """Point and derivatives, as many as are wanted."""
         sweep = self.extent[site, 1]
