@@ -14,7 +14,7 @@ from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.reach import FarSamples
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, disk_through
 
-_FIRST_NEIGHBOURS = (8, 10)
+_FIRST_NEIGHBOURS = (12, 10)
 _FEW_NEIGHBOURS = 8
 _EARLIER = np.tri(_FEW_NEIGHBOURS, dtype=bool)
 _SAMPLES_PER_SITE = (2, 16)
@@ -237,7 +237,7 @@ class BoundarySearch:
             site[chosen] = found.site[best]
             parameter[chosen] = where[best]
             active = active[~found.complete]
-            neighbours *= 4
+            neighbours *= 2
         return distance, site, parameter
 
     @cached_property
@@ -392,7 +392,7 @@ class BoundarySearch:
             lost &= ~restarted[rows]
             restarted[rows[lost]] = True
             radius[rows[lost]] = np.minimum(best[rows[lost]], limit[rows[lost]])
-            neighbours[rows[~changed & ~found.complete]] *= 4
+            neighbours[rows[~changed & ~found.complete]] *= 2
             # Disks that are tangent at one point are nested: what reaches into a smaller one
             # reached into the one that was looked at.
             done = np.zeros(count, dtype=bool)
