@@ -228,10 +228,11 @@ def _pair(site: IntArray, partner: IntArray, first: IntArray, last: IntArray) ->
     rows = np.flatnonzero(partner != WHOLE)
     if not len(rows):
         return mate
-    forward = np.stack([site, partner, first, last])[:, rows]
-    backward = np.stack([partner, site, last, first])[:, rows]
-    both = np.concatenate([forward, backward], axis=1)
-    rank = equal_rows(both)
+    one, other, begin, end = (column[rows] for column in (site, partner, first, last))
+    width, count = int(max(site.max(), partner.max())) + 1, int(max(first.max(), last.max())) + 1
+    sides = np.concatenate([one * width + other, other * width + one])
+    ends = np.concatenate([begin * count + end, end * count + begin])
+    rank = equal_rows(np.stack([sides, ends]))
     holder = np.full(int(rank.max()) + 1, -1, dtype=np.int64)
     holder[rank[: len(rows)]] = rows
     mate[rows] = holder[rank[len(rows) :]]

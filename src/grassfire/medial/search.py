@@ -21,15 +21,14 @@ _SAMPLES_PER_SITE = (2, 16)
 _CROWDING = 60.0
 _TURNED = np.array([(np.cos(0.5), -np.sin(0.5)), (np.sin(0.5), np.cos(0.5))])
 """The tree has its own axes: its nodes split off points that are level with an axis one by one."""
-_STRIDE = 16
+_STRIDE, _STRIDED = 8, 256
 _GLANCE = 0.1
 """Share by which a first look at the distance may be off."""
-_CLOSE, _ROUGH = 1e-4, 1e-2
+_ROUGH = 1e-2
 _STEPS = 8
 """Sites along which contacts are followed from where samples show them."""
 _MANY = 4096
-"""Searches of so many points are spread over the processors, and started from every 16th; fewer
-points are given more neighbours at once."""
+"""Searches of so many points are spread over the processors; fewer are given more neighbours."""
 
 
 @dataclass(frozen=True)
@@ -511,15 +510,15 @@ class BoundarySearch:
         """Radii of disks that hold no sample, but for a percent or so, and the samples that they
         touch, -1 where that is none.
 
-        Of many points every 16th comes first; what it touches bounds the disks beside it.
+        Of many points every eighth comes first; what it touches bounds the disks beside it.
         """
         position, normal = tangents.position, tangents.normal
         radius = limit.copy()
         count = len(radius)
         touched = np.full(count, -1, dtype=np.int64)
-        if count >= _MANY:
+        if count >= _STRIDED:
             coarse = np.arange(0, count, _STRIDE)
-            part, shown = self._shrink(position[coarse], normal[coarse], radius[coarse], _CLOSE)
+            part, shown = self._shrink(position[coarse], normal[coarse], radius[coarse])
             radius[coarse], touched[coarse] = part, shown
             group = np.arange(count) // _STRIDE
             for follower in (group, np.minimum(group + 1, len(coarse) - 1)):
@@ -529,11 +528,11 @@ class BoundarySearch:
                 known = (sample >= 0) & np.all(excluded != self.site[sample, None], axis=1)
                 known &= rho < radius
                 radius, touched = np.where(known, rho, radius), np.where(known, sample, touched)
-        radius, shown = self._shrink(position, normal, radius, _ROUGH)
+        radius, shown = self._shrink(position, normal, radius)
         return radius, np.where(shown >= 0, shown, touched)
 
     def _shrink(
-        self, position: FloatArray, normal: FloatArray, radius: FloatArray, share: float
+        self, position: FloatArray, normal: FloatArray, radius: FloatArray
     ) -> tuple[FloatArray, IntArray]:
         """Shrink the disks to touch samples; and the sample that each touches, or -1."""
         radius = radius.copy()
@@ -543,14 +542,14 @@ class BoundarySearch:
             if not len(active):
                 break
             centre = position[active] + radius[active, None] * normal[active]
-            found = self._query(centre, 1, share, radius[active])
+            found = self._query(centre, 1, _ROUGH, radius[active])
             away, index = found[0][:, 0], found[1][:, 0]
             inside = away < radius[active] * (1 - 1e-7)
             active, index = active[inside], index[inside]
             rho = disk_through(self.point[index] - position[active], normal[active])
             shrunk = rho < radius[active]
             active, rho, index = active[shrunk], rho[shrunk], index[shrunk]
-            slow = rho > (1 - share) * radius[active]
+            slow = rho > (1 - _ROUGH) * radius[active]
             radius[active], touched[active] = rho, index
             active = active[~slow]
         return radius, touched

@@ -126,6 +126,10 @@ class Sites:
 
     def derivatives(self, site: IntArray, parameter: FloatArray, order: int) -> list[FloatArray]:
         """Point and derivatives up to `order` (at most 3), each of shape (n, 2)."""
+        if not self.curved:
+            direction = self._direction.take(site, axis=0)
+            place = self.anchor.take(site, axis=0) + parameter[:, None] * direction
+            return [place, direction, *np.zeros((2, len(site), 2))][: order + 1]
         kind = self.kind[site]
         if self.curved == {SiteKind.SPIRAL}:
             spiral = (kind == SiteKind.SPIRAL).nonzero()[0]
@@ -192,9 +196,15 @@ class Sites:
         return np.where(line, dot(self._direction, self._direction), 1.0)
 
     @cached_property
+    def _lengths(self) -> FloatArray:
+        """(m,) lengths of lines, 0 for others."""
+        return np.hypot(self._direction[:, 0], self._direction[:, 1])
+
+    @cached_property
     def inward(self) -> FloatArray:
         """(m, 2) inward unit normals of lines, 0 for others."""
-        x, y = (self._direction / np.sqrt(self._square)[:, None]).T
+        length = np.where(self._lengths > 0, self._lengths, 1.0)
+        x, y = self._direction.T / length
         return np.stack([-y, x], axis=1)
 
     def _arc(self, site: IntArray, parameter: FloatArray) -> Iterator[FloatArray]:
@@ -232,6 +242,8 @@ class Sites:
     def tangents(self, site: IntArray, parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Points (n, 2) and inward unit normals (n, 2)."""
         position, first = self.derivatives(site, parameter, 1)
+        if not self.curved:
+            return position, self._plain_normals(site, parameter)
         return position, self._normals(site, parameter, first, np.hypot(first[:, 0], first[:, 1]))
 
     def _normals(
@@ -242,6 +254,14 @@ class Sites:
         normal = np.empty((len(site), 2))
         np.divide(first[:, 1], -safe, out=normal[:, 0])
         np.divide(first[:, 0], safe, out=normal[:, 1])
+        return self._fanned(site, parameter, normal)
+
+    def _plain_normals(self, site: IntArray, parameter: FloatArray) -> FloatArray:
+        """Unit normals (n, 2) at lines and corners."""
+        return self._fanned(site, parameter, self.inward.take(site, axis=0))
+
+    def _fanned(self, site: IntArray, parameter: FloatArray, normal: FloatArray) -> FloatArray:
+        """The same with the normals (n, 2) at corners, in place."""
         point = (self.kind[site] == SiteKind.POINT).nonzero()[0]
         if len(point):
             start, turn = self.extent[site[point]].T
@@ -253,6 +273,11 @@ class Sites:
         self, site: IntArray, parameter: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """As `frame`, and the length along the boundary per unit of parameter (n,), 0 in fans."""
+        if not self.curved:
+            position = self.point(site, parameter)
+            bend = np.where(self.kind == SiteKind.POINT, -np.inf, 0.0).take(site)
+            normal = self._plain_normals(site, parameter)
+            return position, normal, bend, self._lengths.take(site)
         position, first, second = self.derivatives(site, parameter, 2)
         dx, dy = first[:, 0], first[:, 1]
         speed = np.hypot(dx, dy)
@@ -268,8 +293,11 @@ class Sites:
 
     def speed(self, site: IntArray, parameter: FloatArray, radius: FloatArray) -> FloatArray:
         """(n,) length along the boundary (or the fan at `radius`) per unit of parameter."""
-        first = self.derivatives(site, parameter, 1)[1]
-        result = np.hypot(first[:, 0], first[:, 1])
+        if self.curved:
+            first = self.derivatives(site, parameter, 1)[1]
+            result = np.hypot(first[:, 0], first[:, 1])
+        else:
+            result = self._lengths.take(site)
         point = (self.kind[site] == SiteKind.POINT).nonzero()[0]
         if len(point):
             result[point] = np.abs(self.extent[site[point], 1]) * radius[point]

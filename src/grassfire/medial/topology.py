@@ -346,8 +346,8 @@ class Topology:
     def _sorted(self, nodes: Nodes) -> Nodes:
         """Order by site and parameter; own ends of a site come outermost among equals."""
         at_low = nodes.parameter <= self.sites.low[nodes.site]
-        outermost = np.where(nodes.own, np.where(at_low, -1, 1), 0)
-        return nodes.take(np.lexsort((outermost, nodes.parameter, nodes.site)))
+        place = np.where(nodes.own, np.where(at_low, -np.inf, np.inf), nodes.parameter)
+        return nodes.take(np.lexsort((place, nodes.site)))
 
     def _gaps(self, nodes: Nodes) -> tuple[IntArray, IntArray]:
         """Stretches between groups of nodes that are one point: row before each, and its partner.
@@ -359,9 +359,10 @@ class Topology:
         gap = np.diff(nodes.parameter) * speed
         wide = gap > self.snap
         # Contacts beside a curvature maximum are known to few digits, their disks to all.
-        moved = np.abs(np.diff(nodes.centre, axis=0)).max(axis=1, initial=0.0)
-        moved = np.maximum(moved, np.abs(np.diff(nodes.radius)))
-        wide &= (moved > self.cluster) | (gap > self.cluster)
+        far = gap > self.cluster
+        for column in (*nodes.centre.T, nodes.radius):
+            far |= np.abs(np.diff(column)) > self.cluster
+        wide &= far
         same = nodes.site[1:] == nodes.site[:-1]
         rows = np.flatnonzero(same & wide)
         group = np.concatenate([[0], np.cumsum(~same | wide)])
