@@ -391,20 +391,19 @@ def _recovery_errors(
 def _cell_area(sites: Sites, graph: Graph, fit: Fit, tolerance: float) -> float:
     """Sum over the boundary of the integral of r - k r^2 / 2, fans r^2 / 2 by angle.
 
-    Clenshaw-Curtis quadrature at the Chebyshev points at which the contacts are known. The cell of
-    a line, or of a point, in front of a line or parabola is a quadratic: Simpson's rule is exact.
+    Clenshaw-Curtis quadrature at the Chebyshev points at which the contacts are known. The cells of
+    lines and corners in front of lines are as wide as they are long, times their mean radius.
     The cells of two corners in front of each other are triangles.
     """
     kind = sites.kind[fit.span.partner]
     simple = fit.exact & ((kind == SiteKind.LINE) | (kind == SiteKind.POINT))
     kite = fit.span.hyperbolic
-    total = _kites(sites, fit.span.take(kite))
+    total = _kites(sites, fit.span.take(kite)) + _before_lines(sites, fit, np.flatnonzero(simple))
     other = ~simple
     other[kite] = False
-    for rows, count in ((np.flatnonzero(simple), 2), (np.flatnonzero(other), TOP)):
-        if len(rows):
-            chosen = np.arange(0, TOP + 1, TOP // count)
-            total += _both_sides(sites, fit, rows, chosen, tolerance)
+    rows = np.flatnonzero(other)
+    if len(rows):
+        total += _both_sides(sites, fit, rows, tolerance)
     whole = np.flatnonzero(graph.partner == WHOLE)
     if len(whole):
         site, start, end = graph.site[whole], graph.start[whole], graph.end[whole]
@@ -424,28 +423,41 @@ def _kites(sites: Sites, span: Span) -> float:
     return 0.5 * float(np.sum(np.hypot(*apart.T) * np.hypot(*along.T)))
 
 
-def _both_sides(
-    sites: Sites, fit: Fit, rows: IntArray, chosen: IntArray, tolerance: float
-) -> float:
-    """Cells of pieces `rows` on both sides, by values at the `chosen` Chebyshev points.
+def _before_lines(sites: Sites, fit: Fit, rows: IntArray) -> float:
+    """Cells on both sides of pieces `rows` between lines, or lines and corners.
+
+    Along a line the cell is the integral of r. A corner's is that of r^2 / 2 by the angle, and the
+    centre moves by r times the angle as it moves along the line: half of the same integral.
+    """
+    span = fit.span.take(rows)
+    mean = np.zeros(len(fit.degree))
+    for degree, members, table in fit.tables():
+        mean[members] = table[:, :, 2].sum(axis=1) / (degree + 1)
+    own = sites.length[span.site] * (span.end - span.start)
+    far = sites.length[span.partner] * (span.facing_start - span.facing_end)
+    width = own + np.where(sites.kind[span.partner] == SiteKind.POINT, 0.5 * own, far)
+    return float(np.sum(mean[rows] * width))
+
+
+def _both_sides(sites: Sites, fit: Fit, rows: IntArray, tolerance: float) -> float:
+    """Cells of pieces `rows` on both sides, by values at the Chebyshev points.
 
     On the far side the boundary runs as the interpolated contact does. In front of a corner that
     is no polynomial, but both feet see the centre move alike across their normals: by
     ds (1 - k r) on the near side, by r times its turn at the corner.
     """
-    width = len(chosen)
     span = fit.span.take(rows)
-    weight = interpolate_to_bezier(np.eye(width)).mean(axis=0)
-    radius = np.zeros((len(fit.degree), width))
+    nodes, weight = _PLAIN
+    radius = np.zeros((len(fit.degree), TOP + 1))
     for degree, members, table in fit.tables():
-        radius[members] = table[:, :, 2] @ bernstein(degree, NODES[chosen]).T
+        radius[members] = table[:, :, 2] @ bernstein(degree, nodes).T
     radius = np.maximum(radius[rows], 0.0)
-    parameter = span.parameter(NODES[chosen])
+    parameter = span.parameter(nodes)
     near, moved = _density(sites, span.site, parameter, radius)
     length = (span.end - span.start)[:, None]
-    pace = -differentiate_values(fit.facing[rows][..., None])[:, chosen, 0]
+    pace = -differentiate_values(fit.facing[rows][..., None])[..., 0]
     facing = np.clip(fit.facing[rows], span.facing_end[:, None], span.facing_start[:, None])
-    far, _ = _density(sites, span.partner, facing[:, chosen], radius)
+    far, _ = _density(sites, span.partner, facing, radius)
     point = (sites.kind[span.partner] == SiteKind.POINT)[:, None]
     far = np.where(point, 0.5 * radius * moved * length, far * pace)
     rough = _rough(sites, fit, rows, tolerance) & ~point[:, 0]

@@ -142,20 +142,30 @@ def fit_edges(
     else:
         place = span.first_disk[0, :2] + sites.origin
         raise GeometryError("an edge of the axis does not converge", place=tuple(place))
-    every = _drawable(sites, Interpolants.join(*done), joints, drawing_tolerance)
-    return _as_fit(sites, every, np.concatenate(joints))
+    drawn = [_drawable(sites, part, joints, drawing_tolerance) for part in done]
+    return _as_fit(sites, drawn, np.concatenate(joints))
 
 
-def _as_fit(sites: Sites, every: Interpolants, vertices: FloatArray) -> Fit:
+def _as_fit(sites: Sites, parts: list[Interpolants], vertices: FloatArray) -> Fit:
     """All pieces in the order of the boundary."""
-    every = every.take(np.lexsort((every.span.start, every.span.edge)))
+    span = Span.join(*[part.span for part in parts])
+    order = np.lexsort((span.start, span.edge))
+    span, degree = span.take(order), np.concatenate([part.degree for part in parts])
+    # Each coefficient is moved once: from its place in one part after the other to its row.
+    control = np.concatenate(
+        [part.table[np.arange(TOP + 1) <= part.degree[:, None]] for part in parts]
+    )
+    length = degree + 1
+    source, length = (np.cumsum(length) - length)[order], length[order]
+    offset = np.concatenate([[0], np.cumsum(length)])
+    rows = np.arange(offset[-1]) + np.repeat(source - offset[:-1], length)
     return Fit(
-        span=every.span,
-        control=every.table[np.arange(TOP + 1) <= every.degree[:, None]],
-        offset=np.concatenate([[0], np.cumsum(every.degree + 1)]).astype(np.int64),
-        error=every.error,
-        facing=every.facing,
-        exact=_known_degree(sites, every.span) > 0,
+        span=span,
+        control=control.take(rows, axis=0),
+        offset=offset,
+        error=np.concatenate([part.error for part in parts])[order],
+        facing=np.concatenate([part.facing for part in parts]).take(order, axis=0),
+        exact=_known_degree(sites, span) > 0,
         vertex_centre=vertices[:, :2],
         vertex_radius=vertices[:, 2],
     )
@@ -480,6 +490,8 @@ def _drawable(
 
     The sagitta of a chord is |x' cross x''| / |x'| times its parameter step squared over 8.
     """
+    if not np.any(pieces.degree > 1):
+        return pieces
     parts = np.ones(len(pieces.span), dtype=np.int64)
     bent = np.where(pieces.degree > 1, pieces.degree, 0)
     # Between two corners the axis is straight.

@@ -196,14 +196,14 @@ class Sites:
         return np.where(line, dot(self._direction, self._direction), 1.0)
 
     @cached_property
-    def _lengths(self) -> FloatArray:
+    def length(self) -> FloatArray:
         """(m,) lengths of lines, 0 for others."""
         return np.hypot(self._direction[:, 0], self._direction[:, 1])
 
     @cached_property
     def inward(self) -> FloatArray:
         """(m, 2) inward unit normals of lines, 0 for others."""
-        length = np.where(self._lengths > 0, self._lengths, 1.0)
+        length = np.where(self.length > 0, self.length, 1.0)
         x, y = self._direction.T / length
         return np.stack([-y, x], axis=1)
 
@@ -277,7 +277,7 @@ class Sites:
             position = self.point(site, parameter)
             bend = np.where(self.kind == SiteKind.POINT, -np.inf, 0.0).take(site)
             normal = self._plain_normals(site, parameter)
-            return position, normal, bend, self._lengths.take(site)
+            return position, normal, bend, self.length.take(site)
         position, first, second = self.derivatives(site, parameter, 2)
         dx, dy = first[:, 0], first[:, 1]
         speed = np.hypot(dx, dy)
@@ -297,7 +297,7 @@ class Sites:
             first = self.derivatives(site, parameter, 1)[1]
             result = np.hypot(first[:, 0], first[:, 1])
         else:
-            result = self._lengths.take(site)
+            result = self.length.take(site)
         point = (self.kind[site] == SiteKind.POINT).nonzero()[0]
         if len(point):
             result[point] = np.abs(self.extent[site[point], 1]) * radius[point]
