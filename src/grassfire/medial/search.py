@@ -25,6 +25,8 @@ _STRIDE, _STRIDED = 8, 256
 _GLANCE = 0.1
 """Share by which a first look at the distance may be off."""
 _ROUGH = 1e-2
+_CLINGING = 64
+"""Of so many samples the longest step along the boundary passes over one."""
 _STEPS = 8
 """Sites along which contacts are followed from where samples show them."""
 _MANY = 4096
@@ -529,7 +531,32 @@ class BoundarySearch:
                 known &= rho < radius
                 radius, touched = np.where(known, rho, radius), np.where(known, sample, touched)
         radius, shown = self._shrink(position, normal, radius)
-        return radius, np.where(shown >= 0, shown, touched)
+        touched = np.where(shown >= 0, shown, touched)
+        self._descend(tangents, excluded, radius, touched)
+        return radius, touched
+
+    def _descend(
+        self, tangents: Tangents, excluded: IntArray, radius: FloatArray, touched: IntArray
+    ) -> None:
+        """Go on to samples along the boundary as long as disks become smaller. In place.
+
+        Where a disk all but clings to the boundary, samples far apart are a percent nearer or not.
+        """
+        step = 1 << (len(self.point) // _CLINGING).bit_length() >> 1
+        rows = (touched >= 0).nonzero()[0]
+        position, normal = tangents.position.take(rows, axis=0), tangents.normal.take(rows, axis=0)
+        best, sample, own = radius.take(rows), touched.take(rows), excluded.take(rows, axis=0)
+        while step:
+            for shift in (-step, step):
+                other = np.minimum(np.maximum(sample + shift, 0), len(self.point) - 1)
+                rho = disk_through(self.point.take(other, axis=0) - position, normal)
+                better = (rho < best).nonzero()[0]
+                # Samples of a point's own sites tell nothing.
+                site = self.site.take(other.take(better))
+                better = better[np.all(own.take(better, axis=0) != site[:, None], axis=1)]
+                best[better], sample[better] = rho.take(better), other.take(better)
+            step //= 2
+        radius[rows], touched[rows] = best, sample
 
     def _shrink(
         self, position: FloatArray, normal: FloatArray, radius: FloatArray
