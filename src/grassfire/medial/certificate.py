@@ -290,6 +290,10 @@ def _demand_orientation(
     """
     span = fit.span
     back = np.maximum(span.start - span.end, span.facing_end - span.facing_start)
+    _demand(sites, span.first_disk, back, 0.0, "a cell of the medial axis is turned over")
+    if not sites.curved:
+        # Lines and corners have no centres of curvature in front of them.
+        return
     for piece, disk, own, other in (
         (span, span.first_disk, span.start, span.facing_start),
         (span, span.last_disk, span.end, span.facing_end),
@@ -300,7 +304,6 @@ def _demand_orientation(
         near, far = near * (piece.end - piece.start), far * (piece.facing_start - piece.facing_end)
         message = "a disk of the medial axis passes the centre of curvature of its site"
         _demand(sites, disk, -np.minimum(near, far), limit, message)
-    _demand(sites, span.first_disk, back, 0.0, "a cell of the medial axis is turned over")
 
 
 # -- eqs. (8) and (9) -----------------------------------------------------------------------------

@@ -160,10 +160,10 @@ def _vertices(topology: Topology, intervals: Intervals) -> tuple[IntArray, Float
     rows, columns = np.concatenate(links, axis=1)
     count = topology.vertex_count
     component = connected(rows, columns, count)
-    used = np.unique(component[identity])
-    renumber = np.full(count, -1, dtype=np.int64)
-    renumber[used] = np.arange(len(used))
-    label = renumber[component]
+    seen = np.zeros(count, dtype=bool)
+    seen[component[identity]] = True
+    used = np.flatnonzero(seen)
+    label = np.where(seen, np.cumsum(seen) - 1, -1)[component]
     owner = label[identity]
     # an end so near to a branch point that they are one stays where it is
     turning = nodes.left[events] == nodes.right[events]
@@ -184,6 +184,14 @@ def _neighbours(
 ) -> list[IntArray]:
     """Links between events nearer than `length`: those of a cell in a row, then the cells."""
     disk = np.concatenate([centre, radius[:, None]], axis=1)
+    # Most events stand there several times, with the very same disk.
+    row = np.arange(len(identity))
+    holder = np.empty(int(identity.max(initial=-1)) + 1, dtype=np.int64)
+    holder[identity] = row
+    holder = holder[identity]
+    other = disk.take(holder, axis=0) != disk
+    kept = ((holder == row) | other[:, 0] | other[:, 1] | other[:, 2]).nonzero()[0]
+    identity, disk = identity[kept], disk.take(kept, axis=0)
     cell = equal_rows(np.floor(disk / (0.5 * length)).T)
     order = np.argsort(cell, kind="stable")
     same = np.diff(cell[order]) == 0
