@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from grassfire.geometry.chebyshev import bernstein
-from grassfire.medial.edges import NODES, TOP, Span
+from grassfire.medial.edges import NODES, Span
 from grassfire.medial.interpolants import Interpolants, deviation_limit
 from grassfire.medial.sites import BoolArray, FloatArray, SiteKind, Sites, dot
 
@@ -63,8 +63,7 @@ def _lines(sites: Sites, span: Span, tolerance: float) -> tuple[Interpolants, Bo
         for site in (span.site, span.partner):
             height = dot(sites.inward[site], disk[:, :2] - sites.anchor[site])
             error = np.maximum(error, np.abs(height - disk[:, 2]))
-    table = np.zeros((len(span), TOP + 1, 3))
-    table[:, 0], table[:, 1] = span.first_disk, span.last_disk
+    table = np.stack([span.first_disk, span.last_disk], axis=1)
     step = span.facing_end - span.facing_start
     facing = span.facing_start[:, None] + step[:, None] * NODES
     degree = np.ones(len(span), dtype=np.int64)
@@ -74,9 +73,8 @@ def _lines(sites: Sites, span: Span, tolerance: float) -> tuple[Interpolants, Bo
 def _parabolas(sites: Sites, span: Span, tolerance: float) -> tuple[Interpolants, BoolArray]:
     """Edges between lines and corners, and which are off by no more than the tolerance."""
     exact = _parabola(sites, span)
-    table = np.zeros((len(span), TOP + 1, 3))
-    table[:, 0], table[:, 2] = span.first_disk, span.last_disk
-    table[:, 1] = 2 * exact[:, 1] - 0.5 * (table[:, 0] + table[:, 2])
+    middle = 2 * exact[:, 1] - 0.5 * (span.first_disk + span.last_disk)
+    table = np.stack([span.first_disk, middle, span.last_disk], axis=1)
     off = 0.0625 * table[:, [0, 2]] + 0.375 * table[:, [1]] + 0.5625 * table[:, [2, 0]]
     error = np.abs(off - exact[:, [2, 0]]).max(axis=(1, 2), initial=0.0)
     even = np.ones(len(span))
@@ -108,7 +106,7 @@ def _parabola(sites: Sites, span: Span) -> FloatArray:
 def _turns(sites: Sites, span: Span, table: FloatArray) -> FloatArray:
     """(k, 13) contacts on the corners at the Chebyshev points."""
     x, y = (
-        table[:, :3, axis] @ _HALVES.T - sites.anchor[span.partner, axis, None] for axis in (0, 1)
+        table[..., axis] @ _HALVES.T - sites.anchor[span.partner, axis, None] for axis in (0, 1)
     )
     start, turn = sites.extent[span.partner].T[..., None]
     delta = np.remainder(np.arctan2(y, x) - (start + turn / 2) + np.pi, 2 * np.pi) - np.pi

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -99,21 +100,34 @@ class Branches:
             found = triple_disks(self.sites, part.triple, part.centre, part.radius, part.parameter)
             disks.put(rest, found)
         mine = disks.parameter[:, 0]
-        # Two sites that meet smoothly and a third are too close to singular for Newton's method.
-        near = (self.sites.following[site] == one) | (self.sites.following[site] == other)
-        near |= (self.sites.preceding[site] == one) | (self.sites.preceding[site] == other)
-        near |= (self.sites.following[one] == other) | (self.sites.preceding[one] == other)
-        curved = self.sites.kind[triple] == SiteKind.SPIRAL
-        doubtful = near & (curved.sum(axis=1) >= 2) & (np.abs(disks.determinant) < 1e-4)
-        doubtful |= (site == one) | (site == other) | (one == other)
-        for first, second in ((site, one), (site, other), (one, other)):
-            doubtful |= continues(self.sites, first, second) | continues(self.sites, second, first)
+        doubtful = (site == one) | (site == other) | (one == other)
+        if SiteKind.SPIRAL in self.sites.curved:
+            doubtful |= self._near_singular(triple, disks.determinant)
+        if self._flat_corners:
+            for first, second in ((site, one), (site, other), (one, other)):
+                doubtful |= continues(self.sites, first, second)
+                doubtful |= continues(self.sites, second, first)
         # A node may be the branch point itself.
         speed = np.maximum(self.sites.speed(site, mine, disks.radius), 1e-300)
         margin = self.snap / speed
         inside = (mine >= left - margin) & (mine <= right + margin) & ~doubtful
         disks.parameter[:, 0] = np.clip(mine, left, right)
         return replace(disks, good=disks.good & inside, settled=disks.settled & inside)
+
+    @cached_property
+    def _flat_corners(self) -> bool:
+        """Whether any lines meet at a turn too small for a corner."""
+        every = np.arange(len(self.sites))
+        return bool(continues(self.sites, every, self.sites.following).any())
+
+    def _near_singular(self, triple: IntArray, determinant: FloatArray) -> BoolArray:
+        """Two sites that meet smoothly and a third: too close to singular for Newton's method."""
+        site, one, other = triple.T
+        near = (self.sites.following[site] == one) | (self.sites.following[site] == other)
+        near |= (self.sites.preceding[site] == one) | (self.sites.preceding[site] == other)
+        near |= (self.sites.following[one] == other) | (self.sites.preceding[one] == other)
+        curved = self.sites.kind[triple] == SiteKind.SPIRAL
+        return np.asarray(near & (curved.sum(axis=1) >= 2) & (np.abs(determinant) < 1e-4))
 
     def empty(self, disks: TripleDisks) -> tuple[BoolArray, IntArray, FloatArray]:
         """Whether no other site reaches into the disks; equal disks are looked at once.

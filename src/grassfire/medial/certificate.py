@@ -229,7 +229,10 @@ class _Places:
         row, fraction = np.concatenate(rows), np.concatenate(fractions)
         span = fit.span.take(row)
         parameter = span.parameter(fraction[:, None])[:, 0]
-        return _Places(row, span, fraction, parameter, fit.contacts(row, fraction))
+        # The middle is one of the places where contacts are known.
+        middle = len(rows[0])
+        facing = [fit.facing[rows[0], TOP // 2], fit.contacts(row[middle:], fraction[middle:])]
+        return _Places(row, span, fraction, parameter, np.concatenate(facing))
 
 
 # -- cells that cover the region once -------------------------------------------------------------

@@ -140,8 +140,8 @@ class Fit:
 
     def contacts(self, row: IntArray, fraction: FloatArray) -> FloatArray:
         """(n,) contacts on the partners of pieces `row` at fractions (n,), interpolated."""
-        table = interpolate_to_bezier(self.facing[..., None])[..., 0]
-        result = np.einsum("ij,ij->i", bernstein(TOP, fraction), table[row])
+        table = interpolate_to_bezier(self.facing[row, :, None])[..., 0]
+        result = np.einsum("ij,ij->i", bernstein(TOP, fraction), table)
         span = self.span
         rows = np.flatnonzero(span.angle_start[row] != span.angle_end[row])
         if len(rows):

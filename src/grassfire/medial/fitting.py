@@ -153,7 +153,7 @@ def _as_fit(sites: Sites, parts: list[Interpolants], vertices: FloatArray) -> Fi
     span, degree = span.take(order), np.concatenate([part.degree for part in parts])
     # Each coefficient is moved once: from its place in one part after the other to its row.
     control = np.concatenate(
-        [part.table[np.arange(TOP + 1) <= part.degree[:, None]] for part in parts]
+        [part.table[np.arange(part.table.shape[1]) <= part.degree[:, None]] for part in parts]
     )
     length = degree + 1
     source, length = (np.cumsum(length) - length)[order], length[order]
@@ -530,7 +530,7 @@ def _cut(
     low, high = index / parts[row], (index + 1) / parts[row]
     fraction = low[:, None] + (high - low)[:, None] * NODES
     facing = _values(interpolate_to_bezier(pieces.facing[..., None])[row], TOP, fraction)[..., 0]
-    table = np.zeros((len(row), TOP + 1, 3))
+    table = np.zeros((len(row), *pieces.table.shape[1:]))
     degree = pieces.degree[row]
     for value in np.unique(degree):
         members = np.flatnonzero(degree == value)

@@ -530,8 +530,11 @@ class BoundarySearch:
                 known = (sample >= 0) & np.all(excluded != self.site[sample, None], axis=1)
                 known &= rho < radius
                 radius, touched = np.where(known, rho, radius), np.where(known, sample, touched)
-        radius, shown = self._shrink(position, normal, radius)
-        touched = np.where(shown >= 0, shown, touched)
+            rest = (np.arange(count) % _STRIDE).nonzero()[0]
+        else:
+            rest = np.arange(count)
+        radius[rest], shown = self._shrink(position[rest], normal[rest], radius[rest])
+        touched[rest] = np.where(shown >= 0, shown, touched[rest])
         self._descend(tangents, excluded, radius, touched)
         return radius, touched
 
