@@ -151,15 +151,14 @@ def _vertices(topology: Topology, intervals: Intervals) -> tuple[IntArray, Float
     events = np.flatnonzero(nodes.vertex >= 0)
     identity = nodes.vertex[events]
     centre, radius = nodes.centre[events], nodes.radius[events]
-    links = [np.stack([identity, identity])]  # each with itself
-    links.extend(_neighbours(identity, centre, radius, topology.cluster))
+    links = _neighbours(identity, centre, radius, topology.cluster)
     links.append(_triples(topology, events))
     group = intervals.group[events]
     same = group[1:] == group[:-1]
     links.append(np.stack([identity[:-1][same], identity[1:][same]]))
-    rows, columns = np.concatenate(links, axis=1)
-    count = topology.vertex_count
-    component = connected(rows, columns, count)
+    one, other = np.concatenate(links, axis=1)
+    count, apart = topology.vertex_count, one != other
+    component = connected(one[apart], other[apart], count)
     seen = np.zeros(count, dtype=bool)
     seen[component[identity]] = True
     used = np.flatnonzero(seen)

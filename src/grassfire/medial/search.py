@@ -303,16 +303,17 @@ class BoundarySearch:
         if excluded is not None:
             for item in range(excluded.shape[1]):
                 allowed &= owner != excluded[:, item, None]
-        shown = np.where(allowed, away, np.inf).min(axis=1)
         # A disk is wanted to its whole radius: its nearest site may end before it touches.
-        limit = np.minimum(radius, shown) if nearest else radius
+        limit = radius
+        if nearest:
+            limit = np.minimum(radius, np.where(allowed, away, np.inf).min(axis=1))
         # A sample that the disk touches must not be lost to rounding.
-        allowance = limit * (1 + 1e-9)
+        allowance = (limit * (1 + 1e-9))[:, None]
+        half, least = self.half.take(owner), np.maximum(away - self.bulge.take(owner), 0.0)
         if outside:
-            bound = allowance[:, None] + self.half[owner] + self.bulge[owner]
+            allowed &= least <= allowance + half
         else:
-            bound = np.hypot(allowance[:, None], self.half[owner]) + self.bulge[owner]
-        allowed &= away <= bound
+            allowed &= least * least <= allowance * allowance + half * half
         complete = self._complete(away[:, -1], limit, slack, outside)
         complete |= wanted == len(self.site)
         row, column = np.nonzero(allowed)

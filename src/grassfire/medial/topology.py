@@ -322,22 +322,20 @@ class Topology:
     def resolve(self, rounds: int = 80) -> None:
         """Solve all changes of partner between neighbouring nodes, until none is left open.
 
-        Only sites that got nodes in a round are looked at in the next.
+        Only sites that got nodes in a round are looked at in the next: what is open is so between
+        nodes of one site.
         """
-        dirty = np.ones(len(self.sites), dtype=bool)
+        part = self.nodes
         for turn in range(rounds):
-            mine = dirty[self.nodes.site]
-            part = self._sorted(self.nodes.take(mine))
+            part = self._sorted(part)
             rows = self._open(part)
-            if not len(rows) and dirty.all():
-                break
             if not len(rows):
-                dirty[:] = True
-                continue
+                break
             added = Nodes.join(*self._solve(part, rows, turn < _PATIENCE))
             self.nodes = Nodes.join(self.nodes, added)
             dirty = np.zeros(len(self.sites), dtype=bool)
             dirty[added.site] = True
+            part = self.nodes.take(dirty[self.nodes.site])
         else:
             place = added.centre[0] + self.sites.origin
             raise GeometryError("the contacts of the boundary do not settle", place=tuple(place))
