@@ -293,20 +293,19 @@ def _demand_orientation(
     """
     span = fit.span
     back = np.maximum(span.start - span.end, span.facing_end - span.facing_start)
-    _demand(sites, span.first_disk, back, 0.0, "a cell of the medial axis is turned over")
-    if not sites.curved:
-        # Lines and corners have no centres of curvature in front of them.
-        return
-    for piece, disk, own, other in (
+    ends = (
         (span, span.first_disk, span.start, span.facing_start),
         (span, span.last_disk, span.end, span.facing_end),
         (places.span, disks, places.parameter, places.facing),
-    ):
+    )
+    # Lines and corners have no centres of curvature in front of them.
+    for piece, disk, own, other in ends if sites.curved else ():
         near, *_ = motion(sites, piece.site, own, disk[:, 2])
         far, *_ = motion(sites, piece.partner, other, disk[:, 2])
         near, far = near * (piece.end - piece.start), far * (piece.facing_start - piece.facing_end)
         message = "a disk of the medial axis passes the centre of curvature of its site"
         _demand(sites, disk, -np.minimum(near, far), limit, message)
+    _demand(sites, span.first_disk, back, 0.0, "a cell of the medial axis is turned over")
 
 
 # -- eqs. (8) and (9) -----------------------------------------------------------------------------

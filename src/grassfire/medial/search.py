@@ -22,9 +22,11 @@ _CROWDING = 60.0
 _TURNED = np.array([(np.cos(0.5), -np.sin(0.5)), (np.sin(0.5), np.cos(0.5))])
 """The tree has its own axes: its nodes split off points that are level with an axis one by one."""
 _STRIDE, _STRIDED = 8, 256
+"""One search of eight comes first, where there are so many."""
 _GLANCE = 0.1
 """Share by which a first look at the distance may be off."""
 _ROUGH = 1e-2
+"""Share of its radius that a disk which touches a sample may be too large by."""
 _CLINGING = 64
 """Of so many samples the longest step along the boundary passes over one."""
 _STEPS = 8
@@ -546,7 +548,7 @@ class BoundarySearch:
 
         Where a disk all but clings to the boundary, samples far apart are a percent nearer or not.
         """
-        step = 1 << (len(self.point) // _CLINGING).bit_length() >> 1
+        step = len(self.point) // _CLINGING
         rows = (touched >= 0).nonzero()[0]
         position, normal = tangents.position.take(rows, axis=0), tangents.normal.take(rows, axis=0)
         best, sample, own = radius.take(rows), touched.take(rows), excluded.take(rows, axis=0)
