@@ -183,7 +183,7 @@ def _from_end(
         one, two = lowered_differences(table, place, far, tangents.position[spiral])
         relative[spiral] = -step[:, None] * one
         rise[spiral] = step**2 * dot(normal, two)
-        if not sites.rational.any():
+        if sites.all_polynomial:
             bend, direction = turned_differences(sites.polynomial.take(row, axis=2), place, far)
             speed = np.hypot(direction[:, 0], direction[:, 1])
             sine[spiral] = step * dot(normal, bend) / speed
