@@ -19,7 +19,7 @@ from grassfire.medial.edges import FEET_APART, NODES, TOP, Fit, Span, evaluate_s
 from grassfire.medial.graph import Graph
 from grassfire.medial.nodes import WHOLE
 from grassfire.medial.recover import envelope, jets
-from grassfire.medial.search import BoundarySearch
+from grassfire.medial.search import BoundarySearch, Feet
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, dot
 
 _PROBES = np.array([0.09, 0.34, 0.66, 0.91])
@@ -124,7 +124,7 @@ def certify(
     limit = _COMMON * tolerance
     _demand(sites, disks, interpolation, limit, "a disk of the medial axis misses its site")
     _demand(sites, disks, same, limit, "the recovered boundary is off")
-    every, away = _disk_errors(sites, search, fit, disks, feet, tolerance)
+    every, away = _disk_errors(sites, search, fit, places, disks, feet, tolerance)
     if len(every) > _exhaustive(sites):
         _demand_chain(sites, graph, tolerance)
         _demand_orientation(sites, fit, places, disks, limit)
@@ -162,6 +162,7 @@ def _disk_errors(
     sites: Sites,
     search: BoundarySearch,
     fit: Fit,
+    places: _Places,
     disks: FloatArray,
     feet: FloatArray,
     tolerance: float,
@@ -173,14 +174,24 @@ def _disk_errors(
     """
     vertices = np.concatenate([fit.vertex_centre, fit.vertex_radius[:, None]], axis=1)
     every = np.concatenate([vertices, disks])
-    nearest = np.concatenate([np.full(len(vertices), np.inf), feet.min(axis=0)])
-    chosen = np.arange(len(every))
-    most = _exhaustive(sites)
+    most, known = _exhaustive(sites), None
     if len(every) > most:
-        nearest[: len(vertices)] = _vertex_distance(sites, fit, tolerance)
+        at_vertices = _vertex_distance(sites, fit, tolerance)
+        nearest = np.concatenate([at_vertices, feet.min(axis=0)])
         chosen = np.linspace(0, len(every) - 1, most).astype(np.int64)
+    else:
+        span = places.span
+        beside = Feet(
+            np.stack([span.site, span.partner], axis=1),
+            np.stack([places.parameter, places.facing], axis=1),
+            feet.T,
+        )
+        known = Feet.join(_vertex_feet(sites, fit), beside)
+        nearest = known.distance.min(axis=1)
+        chosen = np.arange(len(every))
     centre, slack = every[chosen, :2], _SLACK * tolerance
-    found = search.nearest(centre, slack=slack, bound=every[chosen, 2] + tolerance)[0]
+    bound = every[chosen, 2] + tolerance
+    found = search.nearest(centre, slack=slack, bound=bound, feet=known)[0]
     far = np.flatnonzero(np.isinf(found) & np.isinf(nearest[chosen]))
     if len(far):
         found[far] = search.nearest(centre[far], slack=slack)[0]
@@ -230,6 +241,26 @@ class _Places:
         span = fit.span.take(row)
         parameter = span.parameter(fraction[:, None])[:, 0]
         return _Places(row, span, fraction, parameter, fit.contacts(row, fraction))
+
+
+def _vertex_feet(sites: Sites, fit: Fit) -> Feet:
+    """Feet of all vertices on the sites of a piece that ends there; none without a piece."""
+    span = fit.span
+    vertex = np.concatenate([span.first, span.last])
+    site = np.stack([np.tile(span.site, 2), np.tile(span.partner, 2)], axis=1)
+    own = np.concatenate([span.start, span.end])
+    other = np.concatenate([span.facing_start, span.facing_end])
+    at = np.stack([own, other], axis=1)
+    piece = np.full(len(fit.vertex_radius), -1)
+    piece[vertex] = np.arange(len(vertex))
+    held = np.flatnonzero(piece >= 0)
+    shape = len(piece), 2
+    feet = Feet(np.full(shape, -1), np.zeros(shape), np.full(shape, np.inf))
+    feet.site[held], feet.parameter[held] = site[piece[held]], at[piece[held]]
+    centre = np.repeat(fit.vertex_centre[held], 2, axis=0)
+    distance = _distance(sites, feet.site[held].ravel(), centre, feet.parameter[held].ravel())
+    feet.distance[held] = distance.reshape(-1, 2)
+    return feet
 
 
 # -- cells that cover the region once -------------------------------------------------------------
