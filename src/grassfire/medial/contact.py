@@ -179,14 +179,16 @@ def _from_end(
         far, place = end[spiral], u[spiral]
         step = far - place
         row, normal = sites.bezier[own[spiral]], tangents.normal[spiral]
-        table = sites.coefficients[row]
-        one, two = lowered_differences(table, place, far, tangents.position[spiral])
-        relative[spiral] = -step[:, None] * one
-        rise[spiral] = step**2 * dot(normal, two)
         if sites.all_polynomial:
-            bend, direction = turned_differences(sites.polynomial.take(row, axis=2), place, far)
+            curve = sites.polynomial.take(row, axis=2)
+            one, two, bend, direction = turned_differences(curve, place - 0.5, step)
             speed = np.hypot(direction[:, 0], direction[:, 1])
             sine[spiral] = step * dot(normal, bend) / speed
+        else:
+            table = sites.coefficients[row]
+            one, two = lowered_differences(table, place, far, tangents.position[spiral])
+        relative[spiral] = -step[:, None] * one
+        rise[spiral] = step**2 * dot(normal, two)
     return relative, rise, sine
 
 
