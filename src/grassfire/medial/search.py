@@ -26,6 +26,8 @@ _TURNED = np.array([(np.cos(0.5), -np.sin(0.5)), (np.sin(0.5), np.cos(0.5))])
 _STRIDE = 16
 _GLANCE = 0.1
 """Share by which a first look at the distance may be off."""
+_PAIRS = 20_000
+"""Points times samples that are compared one by one as quickly as a tree answers."""
 _CLOSE, _ROUGH = 1e-4, 1e-2
 _STEPS = 8
 """Sites along which contacts are followed from where samples show them."""
@@ -589,9 +591,11 @@ class BoundarySearch:
         self, position: FloatArray, normal: FloatArray, radius: FloatArray, share: float
     ) -> tuple[FloatArray, IntArray]:
         """Shrink the disks to touch samples; and the sample that each touches, or -1."""
-        radius = radius.copy()
-        touched = np.full(len(radius), -1, dtype=np.int64)
-        active = np.arange(len(position))
+        count = len(radius)
+        if count * len(self.point) <= _PAIRS:
+            return self._shrink_few(position, normal, radius)
+        radius, active = radius.copy(), np.arange(count)
+        touched = np.full(count, -1, dtype=np.int64)
         for _ in range(40):
             if not len(active):
                 break
@@ -607,6 +611,22 @@ class BoundarySearch:
             radius[active], touched[active] = rho, index
             active = active[~slow]
         return radius, touched
+
+    def _shrink_few(
+        self, position: FloatArray, normal: FloatArray, radius: FloatArray
+    ) -> tuple[FloatArray, IntArray]:
+        """The same by looking at all samples."""
+        x = self.point[:, 0] - position[:, :1]
+        y = self.point[:, 1] - position[:, 1:]
+        height = x * normal[:, :1] + y * normal[:, 1:]
+        # How far inside samples are, from the difference of two squares.
+        excess = x * x + y * y
+        inside = excess - 2 * radius[:, None] * height < -2e-7 * (radius * radius)[:, None]
+        rho = np.full_like(excess, np.inf)
+        np.divide(excess, 2 * height, out=rho, where=inside)
+        touched = rho.argmin(axis=1)
+        least = rho[np.arange(len(rho)), touched]
+        return np.minimum(radius, least), np.where(least < radius, touched, -1)
 
 
 def _first_neighbours(count: int) -> int:

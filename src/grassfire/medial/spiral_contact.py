@@ -100,6 +100,8 @@ def spiral_contact(
     sites: Sites, approach: Approach, hint: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Parameters and radii (n,) of the smallest disks that reach spirals; see `contact`."""
+    if sites.all_polynomial:
+        return _solve(sites, approach, hint, _PolynomialChords.of(sites, approach))
     rational = sites.rational[sites.bezier[approach.target]]
     if not rational.any():
         return _solve(sites, approach, hint, _PolynomialChords.of(sites, approach))
@@ -323,8 +325,8 @@ def _slopes(jet: _Jet, radius: FloatArray) -> tuple[FloatArray, FloatArray, Floa
     """g, its derivative at a fixed radius, and h r''."""
     towards = jet.value.copy()
     towards[1] -= radius
-    slope = (towards * jet.first).sum(axis=0)
-    curve = (jet.first * jet.first + towards * jet.second).sum(axis=0)
+    slope, curve = towards * jet.first, jet.first * jet.first + towards * jet.second
+    slope, curve = slope[0] + slope[1], curve[0] + curve[1]
     return slope, curve, curve - 2 * slope * jet.first[1] / jet.value[1]
 
 
@@ -340,59 +342,55 @@ def _newton(
     parameter, radius = hint.copy(), np.full(count, np.inf)
     good = np.zeros(count, dtype=bool)
     rows = (hint == hint).nonzero()[0]
+    fixed = np.stack([low, high, high - low, np.full(count, np.inf)])
     if len(rows) < count:
-        chords, low, high = chords.take(rows), low[rows], high[rows]
-    value = np.minimum(np.maximum(hint[rows], low), high)
-    span = high - low
-    before, limit = span, np.zeros(0)
+        chords, fixed = chords.take(rows), fixed.take(rows, axis=1)
+    value = np.minimum(np.maximum(hint.take(rows), fixed[0]), fixed[1])
+    before = np.ones(len(rows))
     for number in range(_STEPS):
         if not len(rows):
             break
+        low, high, span, limit = fixed
         jet = chords.jet(value)
         rho = _radius(jet.value, chords.noise)
         if number == 0:
-            limit = rho * (1 + 1e-9)
+            limit[:] = np.where(rho < np.inf, rho * (1 + 1e-9), -np.inf)
         slope, curve, steep = _slopes(jet, rho)
         step = -slope / np.where(steep > 0.1 * curve, steep, curve)
         step = np.where(curve > 0, step, -0.3 * np.sign(slope) * span)
-        reached = np.isfinite(step) & (rho < np.inf)
-        new = np.minimum(np.maximum(value + np.where(reached, step, 0.0), low), high)
+        new = np.minimum(np.maximum(value + step, low), high)
         step = new - value
-        moved = np.abs(step)
-        height = jet.value[1]
-        done = _settled(moved, before, span, slope * step, rho * height) | ~(rho <= limit)
-        done |= ~reached
+        moved = np.abs(step) / span
+        height, lower = jet.value[1], rho <= limit
+        done = _settled(moved, before, slope * step, rho * height) | ~lower
         if done.any():
             # Two terms of the Taylor series of (A) for the step that is made without it.
-            last = rho + step * (slope + 0.5 * step * steep) / height
+            last = np.where(moved > 0, rho + step * (slope + 0.5 * step * steep) / height, rho)
             ended, stay = done.nonzero()[0], (~done).nonzero()[0]
-            which = rows[ended]
-            parameter[which] = new[ended]
-            radius[which] = np.where(moved > 0, last, rho)[ended]
-            good[which] = (reached & (rho <= limit))[ended]
-            rows, value, before, limit = rows[stay], new[stay], moved[stay], limit[stay]
-            low, high, span = low[stay], high[stay], span[stay]
-            chords = chords.take(stay) if len(stay) else chords
+            which = rows.take(ended)
+            parameter[which], radius[which] = new.take(ended), last.take(ended)
+            good[which] = lower.take(ended)
+            rows, value, before = rows.take(stay), new.take(stay), moved.take(stay)
+            fixed, chords = fixed.take(stay, axis=1), chords.take(stay)
         else:
             value, before = new, moved
     return parameter, radius, good
 
 
 def _settled(
-    moved: FloatArray, before: FloatArray, span: FloatArray, change: FloatArray, scale: FloatArray
+    moved: FloatArray, before: FloatArray, change: FloatArray, scale: FloatArray
 ) -> BoolArray:
-    """Whether steps that `moved` so far, after those of `before`, are the last ones needed.
+    """Whether steps that `moved` so far, after those of `before`, are the last ones needed; both as
+    shares of the target.
 
     Where the convergence is quadratic the next step would be shorter by the square of the ratio of
     these two. Where it is slow, as about osculating disks, (A) is flat and settled: by the step it
     changes by `change` of `scale`.
     """
     ratio = moved / before
-    done = (moved <= 1e-13 * span) | (
-        (ratio <= 0.03) & (moved <= 1e-6 * span) & (moved * ratio * ratio <= 1e-13 * span)
-    )
-    slow = (ratio > 0.1) & ((moved <= 1e-8 * span) | (np.abs(change) <= 1e-15 * scale))
-    return done | slow
+    done = (ratio <= 0.03) & (moved <= 1e-6) & (moved * ratio * ratio <= 1e-13)
+    slow = (ratio > 0.1) & ((moved <= 1e-8) | (np.abs(change) <= 1e-15 * scale))
+    return done | slow | (moved <= 1e-13)
 
 
 def _bracketed(chords: _Chords, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
