@@ -48,8 +48,11 @@ _LATER = np.concatenate([NODES[_FINE], _CHECKS])
 _GAIN = 12.0
 """Factor by which halving brings down the error of a piece that is singular at an end, or more."""
 
-_DEEPEST = 5
+_DEEPEST = 8
 """Halvings at once."""
+
+_UNCLEAR = 0.8
+"""Share of them where both ends are off by about as much."""
 
 _HOPELESS = 8
 """Halvings after which those that are left until patience ends are done at once."""
@@ -361,8 +364,8 @@ def _top_at_checks() -> FloatArray:
 def _try_top(pieces: _Trials, rows: IntArray) -> None:
     """Accept the highest degree where it agrees with the disks between its nodes.
 
-    Where it does not, and by far more at one end than at the other, the cause is at that end: as
-    many halvings towards it as the error asks for.
+    Where it does not, the cause is at the end where it is off by more: as many halvings towards it
+    as the error asks for, some less where it is hardly more than at the other.
     """
     table = interpolate_to_bezier(pieces.disks[rows])
     off = _top_at_checks() @ table - pieces.checks[rows]
@@ -374,9 +377,10 @@ def _try_top(pieces: _Trials, rows: IntArray) -> None:
     head, tail = side[:, :2].max(axis=1), side[:, 2:].max(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = np.log(away / limit) / np.log(_GAIN)
-    depth = np.where(np.isfinite(depth), np.clip(depth, 1, _DEEPEST), 1).astype(np.int64)
     clear = np.maximum(head, tail) > 2 * np.minimum(head, tail)
-    pieces.grade[rows] = np.where(head >= tail, 1, -1) * np.where(clear, depth, 1)
+    depth = np.where(np.isfinite(depth), np.where(clear, 1.0, _UNCLEAR) * depth, 1)
+    depth = np.clip(depth, 1, _DEEPEST).astype(np.int64)
+    pieces.grade[rows] = np.where(head >= tail, depth, -depth)
 
 
 def _deviation(pieces: _Trials, rows: IntArray, away: FloatArray) -> FloatArray:
