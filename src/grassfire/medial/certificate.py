@@ -28,6 +28,11 @@ _PROBES = np.array([0.09, 0.34, 0.66, 0.91])
 _FEW = np.array([0.21, 0.79])
 """The same for pieces between lines, arcs and points, whose contacts have closed forms."""
 
+_MIDDLE = np.array([0.5])
+"""The same for lines and parabolas."""
+
+_EVERY = np.sort(np.concatenate([_MIDDLE, _FEW, _PROBES]))
+
 _COMMON = 2.0
 """Tolerances by which eqs. (8) and (9) may be off: one for the centre and one for the radius."""
 
@@ -118,7 +123,7 @@ def certify(
     if not _euler(region, fit):
         raise GeometryError("the medial axis is not connected as its region is")
     places = _Places.of(sites, fit)
-    disks, first, second = jets(fit, places.row, places.fraction)
+    disks, first, second = jets(fit, places.row, places.fraction, _EVERY)
     interpolation, feet = _interpolation_error(sites, places, disks)
     same = np.abs(feet - disks[:, 2]).max(axis=0)
     limit = _COMMON * tolerance
@@ -230,7 +235,7 @@ class _Places:
         free = spiral[fit.span.site] | spiral[fit.span.partner]
         rows, fractions = [], []
         for chosen, probes in (
-            (fit.exact, np.array([0.5])),
+            (fit.exact, _MIDDLE),
             (~fit.exact & ~free, _FEW),
             (~fit.exact & free, _PROBES),
         ):
@@ -240,7 +245,7 @@ class _Places:
         row, fraction = np.concatenate(rows), np.concatenate(fractions)
         span = fit.span.take(row)
         parameter = span.parameter(fraction[:, None])[:, 0]
-        return _Places(row, span, fraction, parameter, fit.contacts(row, fraction))
+        return _Places(row, span, fraction, parameter, fit.contacts(row, fraction, _EVERY))
 
 
 def _vertex_feet(sites: Sites, fit: Fit) -> Feet:
@@ -371,17 +376,17 @@ def _distance(sites: Sites, site: IntArray, point: FloatArray, hint: FloatArray)
     rows = np.flatnonzero(spiral)
     if len(rows):
         owner, centre = site[rows], point[rows]
-        low, high = sites.low[owner], sites.high[owner]
+        curves, low, high = sites.curves(owner), sites.low[owner], sites.high[owner]
         foot = np.clip(hint[rows], low, high)
         for _ in range(2):
-            place, first, second = sites.derivatives(owner, foot, 2)
+            place, first, second = curves.at(foot, 2)
             offset = place - centre
             flat = dot(first, first)
             curve = flat + dot(offset, second)
             # Next to a centre of curvature the full second derivative vanishes.
             curve = np.where(curve > 1e-3 * flat, curve, flat)
             foot = np.clip(foot - dot(offset, first) / curve, low, high)
-        offset = sites.point(owner, foot) - centre
+        offset = curves.at(foot, 0)[0] - centre
         result[rows] = np.hypot(offset[:, 0], offset[:, 1])
     return result
 

@@ -138,10 +138,12 @@ class Fit:
         """(k,) polynomial degrees."""
         return np.asarray(np.diff(self.offset) - 1)
 
-    def contacts(self, row: IntArray, fraction: FloatArray) -> FloatArray:
-        """(n,) contacts on the partners of pieces `row` at fractions (n,), interpolated."""
-        table = interpolate_to_bezier(self.facing[..., None])[..., 0]
-        result = np.einsum("ij,ij->i", bernstein(TOP, fraction), table[row])
+    def contacts(self, row: IntArray, fraction: FloatArray, among: FloatArray) -> FloatArray:
+        """(n,) contacts on the partners of pieces `row` at fractions (n,), which are all `among`
+        few, given in order; interpolated."""
+        basis = bernstein(TOP, among) @ interpolate_to_bezier(np.eye(TOP + 1))
+        table = basis.take(np.searchsorted(among, fraction), axis=0)
+        result = np.einsum("ij,ij->i", table, self.facing.take(row, axis=0))
         span = self.span
         rows = np.flatnonzero(span.angle_start[row] != span.angle_end[row])
         if len(rows):

@@ -14,7 +14,7 @@ from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.reach import FarSamples
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, disk_through
 
-_FIRST_NEIGHBOURS = ((4096, 10), (512, 16), (0, 32))
+_FIRST_NEIGHBOURS = ((4096, 10), (512, 12), (0, 32))
 """Numbers of points from which so many samples are looked at first: rounds cost more than samples
 where points are few."""
 _FEW_NEIGHBOURS = 8

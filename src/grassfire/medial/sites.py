@@ -138,7 +138,7 @@ class Sites:
     def derivatives(self, site: IntArray, parameter: FloatArray, order: int) -> list[FloatArray]:
         """Point and derivatives up to `order` (at most 3), each of shape (n, 2)."""
         if self.all_spirals:
-            return self._curves(site).at(parameter, order)
+            return self.curves(site).at(parameter, order)
         kind = self.kind[site]
         direction = self._direction[site]
         result = [self.anchor[site] + parameter[:, None] * direction, direction]
@@ -152,7 +152,7 @@ class Sites:
         if SiteKind.SPIRAL in self.curved:
             spiral = (kind == SiteKind.SPIRAL).nonzero()[0]
             if len(spiral):
-                parts = self._curves(site[spiral]).at(parameter[spiral], order)
+                parts = self.curves(site[spiral]).at(parameter[spiral], order)
                 for values, part in zip(result, parts, strict=True):
                     values[spiral] = part
         return result
@@ -214,7 +214,7 @@ class Sites:
             result[:, 0], result[:, 1] = x, y
             yield result
 
-    def _curves(self, site: IntArray) -> Curves:
+    def curves(self, site: IntArray) -> Curves:
         """The curves of spirals."""
         row = self.bezier.take(site)
         if self.all_polynomial:
@@ -227,7 +227,7 @@ class Sites:
         spiral = np.flatnonzero(self.kind == SiteKind.SPIRAL)
         result = np.zeros((2, len(self), 2))
         for values, end in zip(result, (self.low, self.high), strict=True):
-            values[spiral] = self._curves(spiral).at(end[spiral], 0)[0]
+            values[spiral] = self.curves(spiral).at(end[spiral], 0)[0]
         return result[0], result[1]
 
     def point(self, site: IntArray, parameter: FloatArray) -> FloatArray:
@@ -337,7 +337,7 @@ class Sites:
         low, high = self.low.take(target), self.high.take(target)
         parameter = np.minimum(np.maximum(hint, low), high)
         best, distance = parameter.copy(), np.full(len(target), np.inf)
-        active, curves = np.arange(len(target)), self._curves(target)
+        active, curves = np.arange(len(target)), self.curves(target)
         value, span = parameter, high - low
         least, most, around = low, high, centre
         # Centres of curvature are multiple roots: Newton is linear there and needs its time.
