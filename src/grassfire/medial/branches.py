@@ -116,7 +116,7 @@ class Branches:
         return replace(disks, good=disks.good & inside, settled=disks.settled & inside)
 
     def empty(self, triple: IntArray, disks: TripleDisks) -> tuple[BoolArray, IntArray, FloatArray]:
-        """Whether no other site reaches into the disks of triples (n, 3); equal disks are looked at once.
+        """Whether no other site reaches into the disks of triples (n, 3); equal disks count once.
 
         Also the sites that reach in farthest and the parameters there; -1 where none does.
         """

@@ -52,7 +52,7 @@ _DEEPEST = 8
 """Halvings at once."""
 
 _UNCLEAR = 0.8
-"""Share of them where both ends are off by about as much."""
+"""Share of the halvings that an error asks for, where both ends are off by about as much."""
 
 _HOPELESS = 8
 """Halvings after which those that are left until patience ends are done at once."""
@@ -72,8 +72,8 @@ class _Trials(Interpolants):
     """Spans whose polynomials are looked for: the degree is 0 where none is good enough. The error
     aimed at, disks (k, 13, 3) at the Chebyshev points, the largest 1 - k r at the ends (k,), which
     is 0 where derivatives do not matter, whether halving has to end soon, slopes (k, 2) of the
-    contacts by the fraction at both ends, disks (k, 4, 3) between the points, and how often to halve those that are not good enough,
-    towards the start (> 0) or end (< 0)."""
+    contacts by the fraction at both ends, disks (k, 4, 3) between the points, and how often to
+    halve those that are not good enough, towards the start (> 0) or end (< 0)."""
 
     goal: FloatArray
     disks: FloatArray
@@ -446,10 +446,10 @@ def _parts(grade: IntArray, halvings: IntArray) -> _Parts:
 def _split(
     sites: Sites, pieces: _Trials, row: IntArray, parts: _Parts, count: int
 ) -> tuple[Span, _Known, FloatArray]:
-    """Pieces, each in every `row` (k,) that is a part of it, as parts, of which the first joint has the number `count`.
+    """Pieces as parts, of which the first joint has the number `count`.
 
-    Returns the parts, the disks and contacts at their places, and the disks (j, 3) at the joints
-    between them.
+    `row` (k,) are the pieces of the parts. Returns the parts, the disks and contacts at their
+    places, and the disks (j, 3) at the joints between them.
     """
     low, high, inner = parts.low, parts.high, np.flatnonzero(parts.inner)
     parents, place = pieces.span.take(row), low[:, None] + (high - low)[:, None] * _PLACES
