@@ -9,7 +9,7 @@ import numpy as np
 
 from grassfire.medial.columns import Columns, equal_rows
 from grassfire.medial.nodes import Nodes
-from grassfire.medial.search import BoundarySearch
+from grassfire.medial.search import BoundarySearch, Feet
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
 from grassfire.medial.triple import TripleDisks, common_disk, triple_disks
 
@@ -129,8 +129,8 @@ class Branches:
         curved = self.sites.kind[triple] == SiteKind.SPIRAL
         return np.asarray(near & (curved.sum(axis=1) >= 2) & (np.abs(determinant) < 1e-4))
 
-    def empty(self, disks: TripleDisks) -> tuple[BoolArray, IntArray, FloatArray]:
-        """Whether no other site reaches into the disks; equal disks are looked at once.
+    def empty(self, triple: IntArray, disks: TripleDisks) -> tuple[BoolArray, IntArray, FloatArray]:
+        """Whether no other site reaches into the disks of triples (n, 3); equal disks count once.
 
         Also the sites that reach in farthest and the parameters there; -1 where none does.
         """
@@ -142,11 +142,20 @@ class Branches:
         group = equal_rows(np.round(disks.centre[rows] / (1e-10 * self.sites.size)).T)
         _, first, members = np.unique(group, return_index=True, return_counts=True)
         chosen = rows[first]
-        away, nearest, where = self.search.nearest(disks.centre[chosen], bound=disks.radius[chosen])
+        centre, feet = disks.centre[chosen], None
+        if SiteKind.SPIRAL in self.sites.curved:
+            feet = self._feet(triple[chosen], disks.take(chosen))
+        away, nearest, where = self.search.nearest(centre, bound=disks.radius[chosen], feet=feet)
         away[members > 1] += 1e-10 * self.sites.size
         result[rows] = disks.radius[rows] <= away[group] + self.rounding
         site[rows], parameter[rows] = nearest[group], where[group]
         return result, site, parameter
+
+    def _feet(self, triple: IntArray, disks: TripleDisks) -> Feet:
+        """Where disks touch their triples."""
+        foot = self.sites.point(triple.ravel(), disks.parameter.ravel()).reshape(-1, 3, 2)
+        apart = foot - disks.centre[:, None]
+        return Feet(triple, disks.parameter, np.hypot(apart[..., 0], apart[..., 1]))
 
     def _rounds(self, triple: IntArray) -> TripleDisks:
         """Disks common to long runs of sites, each of which meets its neighbours.

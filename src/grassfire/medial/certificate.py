@@ -19,7 +19,7 @@ from grassfire.medial.edges import FEET_APART, NODES, TOP, Fit, Span, evaluate_s
 from grassfire.medial.graph import Graph
 from grassfire.medial.nodes import WHOLE
 from grassfire.medial.recover import envelope, jets
-from grassfire.medial.search import BoundarySearch
+from grassfire.medial.search import BoundarySearch, Feet
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, dot
 
 _PROBES = np.array([0.09, 0.34, 0.66, 0.91])
@@ -27,6 +27,11 @@ _PROBES = np.array([0.09, 0.34, 0.66, 0.91])
 
 _FEW = np.array([0.21, 0.79])
 """The same for pieces between lines, arcs and points, whose contacts have closed forms."""
+
+_MIDDLE = np.array([0.5])
+"""The same for lines and parabolas."""
+
+_EVERY = np.sort(np.concatenate([_MIDDLE, _FEW, _PROBES]))
 
 _COMMON = 2.0
 """Tolerances by which eqs. (8) and (9) may be off: one for the centre and one for the radius."""
@@ -118,13 +123,13 @@ def certify(
     if not _euler(region, fit):
         raise GeometryError("the medial axis is not connected as its region is")
     places = _Places.of(sites, fit)
-    disks, first, second = jets(fit, places.row, places.fraction)
+    disks, first, second = jets(fit, places.row, places.fraction, _EVERY)
     interpolation, feet = _interpolation_error(sites, places, disks)
     same = np.abs(feet - disks[:, 2]).max(axis=0)
     limit = _COMMON * tolerance
     _demand(sites, disks, interpolation, limit, "a disk of the medial axis misses its site")
     _demand(sites, disks, same, limit, "the recovered boundary is off")
-    every, away = _disk_errors(sites, search, fit, disks, feet, tolerance)
+    every, away = _disk_errors(sites, search, fit, places, disks, feet, tolerance)
     if len(every) > _exhaustive(sites):
         _demand_chain(sites, graph, tolerance)
         _demand_orientation(sites, fit, places, disks, limit)
@@ -162,6 +167,7 @@ def _disk_errors(
     sites: Sites,
     search: BoundarySearch,
     fit: Fit,
+    places: _Places,
     disks: FloatArray,
     feet: FloatArray,
     tolerance: float,
@@ -173,14 +179,24 @@ def _disk_errors(
     """
     vertices = np.concatenate([fit.vertex_centre, fit.vertex_radius[:, None]], axis=1)
     every = np.concatenate([vertices, disks])
-    nearest = np.concatenate([np.full(len(vertices), np.inf), feet.min(axis=0)])
-    chosen = np.arange(len(every))
-    most = _exhaustive(sites)
+    most, known = _exhaustive(sites), None
     if len(every) > most:
-        nearest[: len(vertices)] = _vertex_distance(sites, fit, tolerance)
+        at_vertices = _vertex_distance(sites, fit, tolerance)
+        nearest = np.concatenate([at_vertices, feet.min(axis=0)])
         chosen = np.linspace(0, len(every) - 1, most).astype(np.int64)
+    else:
+        span = places.span
+        beside = Feet(
+            np.stack([span.site, span.partner], axis=1),
+            np.stack([places.parameter, places.facing], axis=1),
+            feet.T,
+        )
+        known = Feet.join(_vertex_feet(sites, fit), beside)
+        nearest = known.distance.min(axis=1)
+        chosen = np.arange(len(every))
     centre, slack = every[chosen, :2], _SLACK * tolerance
-    found = search.nearest(centre, slack=slack, bound=every[chosen, 2] + tolerance)[0]
+    bound = every[chosen, 2] + tolerance
+    found = search.nearest(centre, slack=slack, bound=bound, feet=known)[0]
     far = np.flatnonzero(np.isinf(found) & np.isinf(nearest[chosen]))
     if len(far):
         found[far] = search.nearest(centre[far], slack=slack)[0]
@@ -219,7 +235,7 @@ class _Places:
         free = spiral[fit.span.site] | spiral[fit.span.partner]
         rows, fractions = [], []
         for chosen, probes in (
-            (fit.exact, np.array([0.5])),
+            (fit.exact, _MIDDLE),
             (~fit.exact & ~free, _FEW),
             (~fit.exact & free, _PROBES),
         ):
@@ -231,8 +247,29 @@ class _Places:
         parameter = span.parameter(fraction[:, None])[:, 0]
         # The middle is one of the places where contacts are known.
         middle = len(rows[0])
-        facing = [fit.facing[rows[0], TOP // 2], fit.contacts(row[middle:], fraction[middle:])]
+        rest = fit.contacts(row[middle:], fraction[middle:], _EVERY)
+        facing = [fit.facing[rows[0], TOP // 2], rest]
         return _Places(row, span, fraction, parameter, np.concatenate(facing))
+
+
+def _vertex_feet(sites: Sites, fit: Fit) -> Feet:
+    """Feet of all vertices on the sites of a piece that ends there; none without a piece."""
+    span = fit.span
+    vertex = np.concatenate([span.first, span.last])
+    site = np.stack([np.tile(span.site, 2), np.tile(span.partner, 2)], axis=1)
+    own = np.concatenate([span.start, span.end])
+    other = np.concatenate([span.facing_start, span.facing_end])
+    at = np.stack([own, other], axis=1)
+    piece = np.full(len(fit.vertex_radius), -1)
+    piece[vertex] = np.arange(len(vertex))
+    held = np.flatnonzero(piece >= 0)
+    shape = len(piece), 2
+    feet = Feet(np.full(shape, -1), np.zeros(shape), np.full(shape, np.inf))
+    feet.site[held], feet.parameter[held] = site[piece[held]], at[piece[held]]
+    centre = np.repeat(fit.vertex_centre[held], 2, axis=0)
+    distance = _distance(sites, feet.site[held].ravel(), centre, feet.parameter[held].ravel())
+    feet.distance[held] = distance.reshape(-1, 2)
+    return feet
 
 
 # -- cells that cover the region once -------------------------------------------------------------
@@ -345,17 +382,17 @@ def _distance(sites: Sites, site: IntArray, point: FloatArray, hint: FloatArray)
     rows = np.flatnonzero(spiral)
     if len(rows):
         owner, centre = site[rows], point[rows]
-        low, high = sites.low[owner], sites.high[owner]
+        curves, low, high = sites.curves(owner), sites.low[owner], sites.high[owner]
         foot = np.clip(hint[rows], low, high)
         for _ in range(2):
-            place, first, second = sites.derivatives(owner, foot, 2)
+            place, first, second = curves.at(foot, 2)
             offset = place - centre
             flat = dot(first, first)
             curve = flat + dot(offset, second)
             # Next to a centre of curvature the full second derivative vanishes.
             curve = np.where(curve > 1e-3 * flat, curve, flat)
             foot = np.clip(foot - dot(offset, first) / curve, low, high)
-        offset = sites.point(owner, foot) - centre
+        offset = curves.at(foot, 0)[0] - centre
         result[rows] = np.hypot(offset[:, 0], offset[:, 1])
     return result
 

@@ -399,7 +399,7 @@ class Topology:
             raise GeometryError("a contact arc is interrupted", place=tuple(place))
         guess = self.branches.guess(nodes, rows, one, other)
         disks = self.branches.disks(guess)
-        empty, third, where_third = self.branches.empty(disks)
+        empty, third, where_third = self.branches.empty(guess.triple, disks)
         closed = disks.good & empty
         parts: list[Nodes] = []
         found, triple = [disks.take(closed)], [guess.triple[closed]]
@@ -407,7 +407,8 @@ class Topology:
             inner = np.flatnonzero(~closed & (third >= 0))
             between = guess.through(inner, disks, third, where_third)
             both = self.branches.disks(between)
-            good = both.good & (np.abs(both.determinant) > _SHARP) & self.branches.empty(both)[0]
+            good = both.good & (np.abs(both.determinant) > _SHARP)
+            good &= self.branches.empty(between.triple, both)[0]
             found.append(both.take(good))
             triple.append(between.triple[good])
             closed[inner[np.flatnonzero(good) % max(len(inner), 1)]] = True

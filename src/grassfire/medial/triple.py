@@ -193,7 +193,7 @@ class _Feet:
         """Feet on sites, at a guess."""
         spiral = (sites.kind[site] == SiteKind.SPIRAL).nonzero()[0]
         curve = None
-        if len(spiral) and not sites.rational.any():
+        if len(spiral) and sites.all_polynomial:
             curve = sites.polynomial.take(sites.bezier[site[spiral]], axis=2)
         return cls(sites, site, parameter.copy(), spiral, curve)
 
