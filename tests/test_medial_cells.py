@@ -82,14 +82,18 @@ def test_a_loop_left_out_is_found() -> None:
         certify(axis, replace(axis.graph, **columns, **centres))
 
 
-def test_a_cell_that_is_turned_over_is_found() -> None:
-    axis = axis_of("comb")
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("blob-islands", "passes the centre of curvature"), ("comb", "turned over")],
+)
+def test_a_cell_that_is_turned_over_is_found(name: str, message: str) -> None:
+    axis = axis_of(name)
     span = axis.fit.span
     backwards = replace(axis.fit, span=replace(span, start=span.end, end=span.start))
     none, row = np.zeros(0), np.zeros(0, dtype=np.int64)
     nowhere = certificate._Places(row, span.take(row), none, none, none), np.zeros((0, 3))
     certificate._demand_orientation(axis.sites, axis.fit, *nowhere, 1e-6)
-    with pytest.raises(GeometryError, match="passes the centre of curvature"):
+    with pytest.raises(GeometryError, match=message):
         certificate._demand_orientation(axis.sites, backwards, *nowhere, 1e-6)
     still = replace(axis.fit, span=replace(span, facing_start=span.facing_end - 1e-12))
     with pytest.raises(GeometryError, match="turned over"):

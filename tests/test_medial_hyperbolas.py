@@ -75,7 +75,7 @@ def test_both_feet_see_the_disk_along_their_normals(half: float, shift: float) -
     disks = axis.disks(rows, fraction)
     for site, parameter in (
         (span.site[rows], span.at(rows, fraction)),
-        (span.partner[rows], axis.fit.contacts(rows, fraction)),
+        (span.partner[rows], axis.fit.contacts(rows, fraction, np.linspace(0, 1, 9))),
     ):
         position, normal = sites.tangents(site, parameter)
         centre = position + disks[:, 2:] * normal

@@ -146,6 +146,12 @@ def bernstein_family(degree: int, t: ArrayLike, order: int) -> list[FloatArray]:
     return result
 
 
+def bernstein_among(degree: int, t: FloatArray, order: int, among: FloatArray) -> list[FloatArray]:
+    """As `bernstein_family` at places (n,) that are all `among` few, given in order."""
+    which = np.searchsorted(among, t)
+    return [basis.take(which, axis=0) for basis in bernstein_family(degree, among, order)]
+
+
 def evaluate_bezier(coefficients: ArrayLike, t: ArrayLike) -> FloatArray:
     """Return values (..., m, k) of polynomials (..., n+1, k) in Bezier form at t of shape (m,).
 

@@ -21,7 +21,8 @@ FEW: Final = 4096
 """Pairs that are compared one by one as quickly as a tree answers."""
 
 FEW_LINKS: Final = 400
-"""Links that are followed one by one as quickly as a sparse matrix is made."""
+"""Links that are followed one by one as quickly as a sparse matrix is made, between things of which
+there are no more than `FEW`."""
 
 
 class Neighbours:
@@ -97,7 +98,7 @@ def connected(first: IntArray, second: IntArray, count: int) -> IntArray:
 
     Components are numbered from 0 in the order of their first members.
     """
-    if len(first) > FEW_LINKS:
+    if len(first) > FEW_LINKS or count > FEW:
         from scipy.sparse import coo_matrix
         from scipy.sparse.csgraph import connected_components
 

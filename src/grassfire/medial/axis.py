@@ -206,7 +206,7 @@ class MedialAxis:
 
     def disks(self, row: IntArray, fraction: FloatArray) -> FloatArray:
         """(k, 3) disks (x, y, r) of pieces `row` at `fraction`, relative to the sites' origin."""
-        return recover.jets(self.fit, row, fraction, 0)[0]
+        return recover.jets(self.fit, row, fraction, orders=0)[0]
 
     def largest_disk(self) -> tuple[FloatArray, float]:
         """Centre and radius of a largest inscribed disk, mm; see `extrema.largest_disk`."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from grassfire.medial.columns import Columns, equal_rows
 from grassfire.medial.nodes import Nodes
-from grassfire.medial.search import BoundarySearch
+from grassfire.medial.search import BoundarySearch, Feet
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
 from grassfire.medial.triple import TripleDisks, common_disk, triple_disks
 
@@ -99,15 +100,13 @@ class Branches:
             found = triple_disks(self.sites, part.triple, part.centre, part.radius, part.parameter)
             disks.put(rest, found)
         mine = disks.parameter[:, 0]
-        # Two sites that meet smoothly and a third are too close to singular for Newton's method.
-        near = (self.sites.following[site] == one) | (self.sites.following[site] == other)
-        near |= (self.sites.preceding[site] == one) | (self.sites.preceding[site] == other)
-        near |= (self.sites.following[one] == other) | (self.sites.preceding[one] == other)
-        curved = self.sites.kind[triple] == SiteKind.SPIRAL
-        doubtful = near & (curved.sum(axis=1) >= 2) & (np.abs(disks.determinant) < 1e-4)
-        doubtful |= (site == one) | (site == other) | (one == other)
-        for first, second in ((site, one), (site, other), (one, other)):
-            doubtful |= continues(self.sites, first, second) | continues(self.sites, second, first)
+        doubtful = (site == one) | (site == other) | (one == other)
+        if SiteKind.SPIRAL in self.sites.curved:
+            doubtful |= self._near_singular(triple, disks.determinant)
+        if self._flat_corners:
+            for first, second in ((site, one), (site, other), (one, other)):
+                doubtful |= continues(self.sites, first, second)
+                doubtful |= continues(self.sites, second, first)
         # A node may be the branch point itself.
         speed = np.maximum(self.sites.speed(site, mine, disks.radius), 1e-300)
         margin = self.snap / speed
@@ -115,8 +114,23 @@ class Branches:
         disks.parameter[:, 0] = np.clip(mine, left, right)
         return replace(disks, good=disks.good & inside, settled=disks.settled & inside)
 
-    def empty(self, disks: TripleDisks) -> tuple[BoolArray, IntArray, FloatArray]:
-        """Whether no other site reaches into the disks; equal disks are looked at once.
+    @cached_property
+    def _flat_corners(self) -> bool:
+        """Whether any lines meet at a turn too small for a corner."""
+        every = np.arange(len(self.sites))
+        return bool(continues(self.sites, every, self.sites.following).any())
+
+    def _near_singular(self, triple: IntArray, determinant: FloatArray) -> BoolArray:
+        """Two sites that meet smoothly and a third: too close to singular for Newton's method."""
+        site, one, other = triple.T
+        near = (self.sites.following[site] == one) | (self.sites.following[site] == other)
+        near |= (self.sites.preceding[site] == one) | (self.sites.preceding[site] == other)
+        near |= (self.sites.following[one] == other) | (self.sites.preceding[one] == other)
+        curved = self.sites.kind[triple] == SiteKind.SPIRAL
+        return np.asarray(near & (curved.sum(axis=1) >= 2) & (np.abs(determinant) < 1e-4))
+
+    def empty(self, triple: IntArray, disks: TripleDisks) -> tuple[BoolArray, IntArray, FloatArray]:
+        """Whether no other site reaches into the disks of triples (n, 3); equal disks count once.
 
         Also the sites that reach in farthest and the parameters there; -1 where none does.
         """
@@ -128,11 +142,20 @@ class Branches:
         group = equal_rows(np.round(disks.centre[rows] / (1e-10 * self.sites.size)).T)
         _, first, members = np.unique(group, return_index=True, return_counts=True)
         chosen = rows[first]
-        away, nearest, where = self.search.nearest(disks.centre[chosen], bound=disks.radius[chosen])
+        centre, feet = disks.centre[chosen], None
+        if SiteKind.SPIRAL in self.sites.curved:
+            feet = self._feet(triple[chosen], disks.take(chosen))
+        away, nearest, where = self.search.nearest(centre, bound=disks.radius[chosen], feet=feet)
         away[members > 1] += 1e-10 * self.sites.size
         result[rows] = disks.radius[rows] <= away[group] + self.rounding
         site[rows], parameter[rows] = nearest[group], where[group]
         return result, site, parameter
+
+    def _feet(self, triple: IntArray, disks: TripleDisks) -> Feet:
+        """Where disks touch their triples."""
+        foot = self.sites.point(triple.ravel(), disks.parameter.ravel()).reshape(-1, 3, 2)
+        apart = foot - disks.centre[:, None]
+        return Feet(triple, disks.parameter, np.hypot(apart[..., 0], apart[..., 1]))
 
     def _rounds(self, triple: IntArray) -> TripleDisks:
         """Disks common to long runs of sites, each of which meets its neighbours.

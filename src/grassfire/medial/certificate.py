@@ -19,7 +19,7 @@ from grassfire.medial.edges import FEET_APART, NODES, TOP, Fit, Span, evaluate_s
 from grassfire.medial.graph import Graph
 from grassfire.medial.nodes import WHOLE
 from grassfire.medial.recover import envelope, jets
-from grassfire.medial.search import BoundarySearch
+from grassfire.medial.search import BoundarySearch, Feet
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, dot
 
 _PROBES = np.array([0.09, 0.34, 0.66, 0.91])
@@ -27,6 +27,11 @@ _PROBES = np.array([0.09, 0.34, 0.66, 0.91])
 
 _FEW = np.array([0.21, 0.79])
 """The same for pieces between lines, arcs and points, whose contacts have closed forms."""
+
+_MIDDLE = np.array([0.5])
+"""The same for lines and parabolas."""
+
+_EVERY = np.sort(np.concatenate([_MIDDLE, _FEW, _PROBES]))
 
 _COMMON = 2.0
 """Tolerances by which eqs. (8) and (9) may be off: one for the centre and one for the radius."""
@@ -118,13 +123,13 @@ def certify(
     if not _euler(region, fit):
         raise GeometryError("the medial axis is not connected as its region is")
     places = _Places.of(sites, fit)
-    disks, first, second = jets(fit, places.row, places.fraction)
+    disks, first, second = jets(fit, places.row, places.fraction, _EVERY)
     interpolation, feet = _interpolation_error(sites, places, disks)
     same = np.abs(feet - disks[:, 2]).max(axis=0)
     limit = _COMMON * tolerance
     _demand(sites, disks, interpolation, limit, "a disk of the medial axis misses its site")
     _demand(sites, disks, same, limit, "the recovered boundary is off")
-    every, away = _disk_errors(sites, search, fit, disks, feet, tolerance)
+    every, away = _disk_errors(sites, search, fit, places, disks, feet, tolerance)
     if len(every) > _exhaustive(sites):
         _demand_chain(sites, graph, tolerance)
         _demand_orientation(sites, fit, places, disks, limit)
@@ -162,6 +167,7 @@ def _disk_errors(
     sites: Sites,
     search: BoundarySearch,
     fit: Fit,
+    places: _Places,
     disks: FloatArray,
     feet: FloatArray,
     tolerance: float,
@@ -173,14 +179,24 @@ def _disk_errors(
     """
     vertices = np.concatenate([fit.vertex_centre, fit.vertex_radius[:, None]], axis=1)
     every = np.concatenate([vertices, disks])
-    nearest = np.concatenate([np.full(len(vertices), np.inf), feet.min(axis=0)])
-    chosen = np.arange(len(every))
-    most = _exhaustive(sites)
+    most, known = _exhaustive(sites), None
     if len(every) > most:
-        nearest[: len(vertices)] = _vertex_distance(sites, fit, tolerance)
+        at_vertices = _vertex_distance(sites, fit, tolerance)
+        nearest = np.concatenate([at_vertices, feet.min(axis=0)])
         chosen = np.linspace(0, len(every) - 1, most).astype(np.int64)
+    else:
+        span = places.span
+        beside = Feet(
+            np.stack([span.site, span.partner], axis=1),
+            np.stack([places.parameter, places.facing], axis=1),
+            feet.T,
+        )
+        known = Feet.join(_vertex_feet(sites, fit), beside)
+        nearest = known.distance.min(axis=1)
+        chosen = np.arange(len(every))
     centre, slack = every[chosen, :2], _SLACK * tolerance
-    found = search.nearest(centre, slack=slack, bound=every[chosen, 2] + tolerance)[0]
+    bound = every[chosen, 2] + tolerance
+    found = search.nearest(centre, slack=slack, bound=bound, feet=known)[0]
     far = np.flatnonzero(np.isinf(found) & np.isinf(nearest[chosen]))
     if len(far):
         found[far] = search.nearest(centre[far], slack=slack)[0]
@@ -219,7 +235,7 @@ class _Places:
         free = spiral[fit.span.site] | spiral[fit.span.partner]
         rows, fractions = [], []
         for chosen, probes in (
-            (fit.exact, np.array([0.5])),
+            (fit.exact, _MIDDLE),
             (~fit.exact & ~free, _FEW),
             (~fit.exact & free, _PROBES),
         ):
@@ -229,7 +245,31 @@ class _Places:
         row, fraction = np.concatenate(rows), np.concatenate(fractions)
         span = fit.span.take(row)
         parameter = span.parameter(fraction[:, None])[:, 0]
-        return _Places(row, span, fraction, parameter, fit.contacts(row, fraction))
+        # The middle is one of the places where contacts are known.
+        middle = len(rows[0])
+        rest = fit.contacts(row[middle:], fraction[middle:], _EVERY)
+        facing = [fit.facing[rows[0], TOP // 2], rest]
+        return _Places(row, span, fraction, parameter, np.concatenate(facing))
+
+
+def _vertex_feet(sites: Sites, fit: Fit) -> Feet:
+    """Feet of all vertices on the sites of a piece that ends there; none without a piece."""
+    span = fit.span
+    vertex = np.concatenate([span.first, span.last])
+    site = np.stack([np.tile(span.site, 2), np.tile(span.partner, 2)], axis=1)
+    own = np.concatenate([span.start, span.end])
+    other = np.concatenate([span.facing_start, span.facing_end])
+    at = np.stack([own, other], axis=1)
+    piece = np.full(len(fit.vertex_radius), -1)
+    piece[vertex] = np.arange(len(vertex))
+    held = np.flatnonzero(piece >= 0)
+    shape = len(piece), 2
+    feet = Feet(np.full(shape, -1), np.zeros(shape), np.full(shape, np.inf))
+    feet.site[held], feet.parameter[held] = site[piece[held]], at[piece[held]]
+    centre = np.repeat(fit.vertex_centre[held], 2, axis=0)
+    distance = _distance(sites, feet.site[held].ravel(), centre, feet.parameter[held].ravel())
+    feet.distance[held] = distance.reshape(-1, 2)
+    return feet
 
 
 # -- cells that cover the region once -------------------------------------------------------------
@@ -290,11 +330,13 @@ def _demand_orientation(
     """
     span = fit.span
     back = np.maximum(span.start - span.end, span.facing_end - span.facing_start)
-    for piece, disk, own, other in (
+    ends = (
         (span, span.first_disk, span.start, span.facing_start),
         (span, span.last_disk, span.end, span.facing_end),
         (places.span, disks, places.parameter, places.facing),
-    ):
+    )
+    # Lines and corners have no centres of curvature in front of them.
+    for piece, disk, own, other in ends if sites.curved else ():
         near, *_ = motion(sites, piece.site, own, disk[:, 2])
         far, *_ = motion(sites, piece.partner, other, disk[:, 2])
         near, far = near * (piece.end - piece.start), far * (piece.facing_start - piece.facing_end)
@@ -340,17 +382,17 @@ def _distance(sites: Sites, site: IntArray, point: FloatArray, hint: FloatArray)
     rows = np.flatnonzero(spiral)
     if len(rows):
         owner, centre = site[rows], point[rows]
-        low, high = sites.low[owner], sites.high[owner]
+        curves, low, high = sites.curves(owner), sites.low[owner], sites.high[owner]
         foot = np.clip(hint[rows], low, high)
         for _ in range(2):
-            place, first, second = sites.derivatives(owner, foot, 2)
+            place, first, second = curves.at(foot, 2)
             offset = place - centre
             flat = dot(first, first)
             curve = flat + dot(offset, second)
             # Next to a centre of curvature the full second derivative vanishes.
             curve = np.where(curve > 1e-3 * flat, curve, flat)
             foot = np.clip(foot - dot(offset, first) / curve, low, high)
-        offset = sites.point(owner, foot) - centre
+        offset = curves.at(foot, 0)[0] - centre
         result[rows] = np.hypot(offset[:, 0], offset[:, 1])
     return result
 
@@ -391,20 +433,19 @@ def _recovery_errors(
 def _cell_area(sites: Sites, graph: Graph, fit: Fit, tolerance: float) -> float:
     """Sum over the boundary of the integral of r - k r^2 / 2, fans r^2 / 2 by angle.
 
-    Clenshaw-Curtis quadrature at the Chebyshev points at which the contacts are known. The cell of
-    a line, or of a point, in front of a line or parabola is a quadratic: Simpson's rule is exact.
+    Clenshaw-Curtis quadrature at the Chebyshev points at which the contacts are known. The cells of
+    lines and corners in front of lines are as wide as they are long, times their mean radius.
     The cells of two corners in front of each other are triangles.
     """
     kind = sites.kind[fit.span.partner]
     simple = fit.exact & ((kind == SiteKind.LINE) | (kind == SiteKind.POINT))
     kite = fit.span.hyperbolic
-    total = _kites(sites, fit.span.take(kite))
+    total = _kites(sites, fit.span.take(kite)) + _before_lines(sites, fit, np.flatnonzero(simple))
     other = ~simple
     other[kite] = False
-    for rows, count in ((np.flatnonzero(simple), 2), (np.flatnonzero(other), TOP)):
-        if len(rows):
-            chosen = np.arange(0, TOP + 1, TOP // count)
-            total += _both_sides(sites, fit, rows, chosen, tolerance)
+    rows = np.flatnonzero(other)
+    if len(rows):
+        total += _both_sides(sites, fit, rows, tolerance)
     whole = np.flatnonzero(graph.partner == WHOLE)
     if len(whole):
         site, start, end = graph.site[whole], graph.start[whole], graph.end[whole]
@@ -424,28 +465,41 @@ def _kites(sites: Sites, span: Span) -> float:
     return 0.5 * float(np.sum(np.hypot(*apart.T) * np.hypot(*along.T)))
 
 
-def _both_sides(
-    sites: Sites, fit: Fit, rows: IntArray, chosen: IntArray, tolerance: float
-) -> float:
-    """Cells of pieces `rows` on both sides, by values at the `chosen` Chebyshev points.
+def _before_lines(sites: Sites, fit: Fit, rows: IntArray) -> float:
+    """Cells on both sides of pieces `rows` between lines, or lines and corners.
+
+    Along a line the cell is the integral of r. A corner's is that of r^2 / 2 by the angle, and the
+    centre moves by r times the angle as it moves along the line: half of the same integral.
+    """
+    span = fit.span.take(rows)
+    mean = np.zeros(len(fit.degree))
+    for degree, members, table in fit.tables():
+        mean[members] = table[:, :, 2].sum(axis=1) / (degree + 1)
+    own = sites.length[span.site] * (span.end - span.start)
+    far = sites.length[span.partner] * (span.facing_start - span.facing_end)
+    width = own + np.where(sites.kind[span.partner] == SiteKind.POINT, 0.5 * own, far)
+    return float(np.sum(mean[rows] * width))
+
+
+def _both_sides(sites: Sites, fit: Fit, rows: IntArray, tolerance: float) -> float:
+    """Cells of pieces `rows` on both sides, by values at the Chebyshev points.
 
     On the far side the boundary runs as the interpolated contact does. In front of a corner that
     is no polynomial, but both feet see the centre move alike across their normals: by
     ds (1 - k r) on the near side, by r times its turn at the corner.
     """
-    width = len(chosen)
     span = fit.span.take(rows)
-    weight = interpolate_to_bezier(np.eye(width)).mean(axis=0)
-    radius = np.zeros((len(fit.degree), width))
+    nodes, weight = _PLAIN
+    radius = np.zeros((len(fit.degree), TOP + 1))
     for degree, members, table in fit.tables():
-        radius[members] = table[:, :, 2] @ bernstein(degree, NODES[chosen]).T
+        radius[members] = table[:, :, 2] @ bernstein(degree, nodes).T
     radius = np.maximum(radius[rows], 0.0)
-    parameter = span.parameter(NODES[chosen])
+    parameter = span.parameter(nodes)
     near, moved = _density(sites, span.site, parameter, radius)
     length = (span.end - span.start)[:, None]
-    pace = -differentiate_values(fit.facing[rows][..., None])[:, chosen, 0]
+    pace = -differentiate_values(fit.facing[rows][..., None])[..., 0]
     facing = np.clip(fit.facing[rows], span.facing_end[:, None], span.facing_start[:, None])
-    far, _ = _density(sites, span.partner, facing[:, chosen], radius)
+    far, _ = _density(sites, span.partner, facing, radius)
     point = (sites.kind[span.partner] == SiteKind.POINT)[:, None]
     far = np.where(point, 0.5 * radius * moved * length, far * pace)
     rough = _rough(sites, fit, rows, tolerance) & ~point[:, 0]

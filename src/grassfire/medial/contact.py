@@ -69,13 +69,12 @@ class _Near(Columns):
     rise: FloatArray
     sine: FloatArray
 
-    def approach(self, rows: IntArray) -> Approach:
-        """Rows, of which the targets are spirals."""
+    def approach(self) -> Approach:
+        """All rows, whose targets are spirals."""
         tangents = self.tangents
         return Approach(
-            tangents.position[rows], tangents.normal[rows], tangents.parameter[rows],
-            self.target[rows], self.same[rows], self.adjacent[rows], self.end[rows],
-            self.relative[rows], self.rise[rows], self.sine[rows],
+            tangents.position, tangents.normal, tangents.parameter, self.target, self.same,
+            self.adjacent, self.end, self.relative, self.rise, self.sine,
         )  # fmt: skip
 
 
@@ -96,10 +95,28 @@ def contact(
     parameter, radius : (n,) float arrays
         Contact on the target and disk radius, mm; infinite where no disk reaches it.
     """
-    kind = sites.kind[target]
-    parameter = np.full(len(target), np.nan)
-    radius = np.full(len(target), np.inf)
     near = _near(sites, tangents, target)
+    if sites.all_spirals:
+        parameter, radius = spiral_contact(sites, near.approach(), hint)
+    else:
+        parameter, radius = _by_kind(sites, near, hint)
+    # The point itself, met as the end of a neighbouring site, is no second contact.
+    rows = (radius < 1e-6 * sites.size).nonzero()[0]
+    if len(rows):
+        site, at = target[rows], parameter[rows]
+        end = (at <= sites.low[site]) | (at >= sites.high[site])
+        end |= sites.kind[site] == SiteKind.POINT
+        chord = sites.point(site, at) - tangents.position[rows]
+        same = end & (np.hypot(chord[:, 0], chord[:, 1]) <= 1e-12 * sites.size)
+        radius[rows[same]] = np.inf
+    return parameter, radius
+
+
+def _by_kind(sites: Sites, near: _Near, hint: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Contacts and radii, the targets of each kind at once."""
+    target = near.target
+    kind = sites.kind[target]
+    parameter, radius = np.full(len(target), np.nan), np.full(len(target), np.inf)
     for value, method in (
         (SiteKind.LINE, _line),
         (SiteKind.ARC, _arc),
@@ -110,18 +127,13 @@ def contact(
             parameter[rows], radius[rows] = method(sites, near.take(rows))
     rows = np.flatnonzero(kind == SiteKind.SPIRAL)
     if len(rows):
-        parameter[rows], radius[rows] = spiral_contact(sites, near.approach(rows), hint[rows])
+        part = near.take(rows).approach()
+        parameter[rows], radius[rows] = spiral_contact(sites, part, hint[rows])
     # The end of a site at a reflex corner is the corner's to touch.
     low, high = parameter <= sites.low[target], parameter >= sites.high[target]
     point = sites.kind == SiteKind.POINT
     corner = (low & point[sites.preceding[target]]) | (high & point[sites.following[target]])
     radius[corner & ~point[target]] = np.inf
-    # The point itself, met as the end of a neighbouring site, is no second contact.
-    rows = np.flatnonzero((radius < 1e-6 * sites.size) & (low | high | point[target]))
-    if len(rows):
-        chord = sites.point(target[rows], parameter[rows]) - tangents.position[rows]
-        same = np.hypot(chord[:, 0], chord[:, 1]) <= 1e-12 * sites.size
-        radius[rows[same]] = np.inf
     return parameter, radius
 
 
@@ -179,14 +191,16 @@ def _from_end(
         far, place = end[spiral], u[spiral]
         step = far - place
         row, normal = sites.bezier[own[spiral]], tangents.normal[spiral]
-        table = sites.coefficients[row]
-        one, two = lowered_differences(table, place, far, tangents.position[spiral])
-        relative[spiral] = -step[:, None] * one
-        rise[spiral] = step**2 * dot(normal, two)
-        if not sites.rational.any():
-            bend, direction = turned_differences(sites.polynomial.take(row, axis=2), place, far)
+        if sites.all_polynomial:
+            curve = sites.polynomial.take(row, axis=2)
+            one, two, bend, direction = turned_differences(curve, place - 0.5, step)
             speed = np.hypot(direction[:, 0], direction[:, 1])
             sine[spiral] = step * dot(normal, bend) / speed
+        else:
+            table = sites.coefficients[row]
+            one, two = lowered_differences(table, place, far, tangents.position[spiral])
+        relative[spiral] = -step[:, None] * one
+        rise[spiral] = step**2 * dot(normal, two)
     return relative, rise, sine
 
 

@@ -116,8 +116,8 @@ class Fit:
     error : (k,) float array
         Largest deviation of a disk from the exact one of the same parameter, mm.
     facing : (k, 13) float array
-        Parameters of the contacts on the partner at the Chebyshev points of degree 12; between
-        lines and lines or points interpolated from five of them. See `contacts` for other places.
+        Parameters of the contacts on the partner at the Chebyshev points of degree 12. See
+        `contacts` for other places.
     exact : (k,) bool array
         Whether the piece is a line or a parabola, because of what its sites are.
     vertex_centre, vertex_radius : (v, 2) and (v,) float arrays
@@ -138,10 +138,12 @@ class Fit:
         """(k,) polynomial degrees."""
         return np.asarray(np.diff(self.offset) - 1)
 
-    def contacts(self, row: IntArray, fraction: FloatArray) -> FloatArray:
-        """(n,) contacts on the partners of pieces `row` at fractions (n,), interpolated."""
-        table = interpolate_to_bezier(self.facing[..., None])[..., 0]
-        result = np.einsum("ij,ij->i", bernstein(TOP, fraction), table[row])
+    def contacts(self, row: IntArray, fraction: FloatArray, among: FloatArray) -> FloatArray:
+        """(n,) contacts on the partners of pieces `row` at fractions (n,), which are all `among`
+        few, given in order; interpolated."""
+        basis = bernstein(TOP, among) @ interpolate_to_bezier(np.eye(TOP + 1))
+        table = basis.take(np.searchsorted(among, fraction), axis=0)
+        result = np.einsum("ij,ij->i", table, self.facing.take(row, axis=0))
         span = self.span
         rows = np.flatnonzero(span.angle_start[row] != span.angle_end[row])
         if len(rows):
@@ -235,26 +237,27 @@ def evaluate_span(
     if hint is None:
         step = span.facing_end - span.facing_start
         hint = span.facing_start[:, None] + step[:, None] * span.share(fraction)
-    width = fraction.shape[1]
-    inner = np.flatnonzero((fraction != 0) & (fraction != 1))
+    width, count = fraction.shape[1], fraction.size
+    at_end = ((fraction == 0) | (fraction == 1)).ravel()
+    inner = np.arange(count) if not at_end.any() else (~at_end).nonzero()[0]
     row = inner // width
-    site, parameter = span.site[row], span.parameter(fraction).ravel()[inner]
+    site, parameter = span.site.take(row), span.parameter(fraction).ravel().take(inner)
     position, normal = sites.tangents(site, parameter)
     tangents = Tangents(position, normal, site, parameter)
-    hints = np.broadcast_to(hint, fraction.shape).ravel()[inner]
-    where, radius = contact(sites, tangents, span.partner[row], hints)
-    disks, facing = np.empty((*fraction.shape, 3)), np.empty(fraction.shape)
-    flat = disks.reshape(-1, 3)
-    facing.ravel()[inner], flat[inner, 2] = where, radius
+    hints = np.broadcast_to(hint, fraction.shape).ravel().take(inner)
+    where, radius = contact(sites, tangents, span.partner.take(row), hints)
+    disks, facing = np.empty((count, 3)), np.empty(count)
+    facing[inner], disks[inner, 2] = where, radius
     with np.errstate(invalid="ignore"):
-        flat[inner, :2] = position + radius[:, None] * normal
-    for end, disk, known in (
-        (0.0, span.first_disk, span.facing_start),
-        (1.0, span.last_disk, span.facing_end),
-    ):
-        row, column = np.nonzero(fraction == end)
-        disks[row, column], facing[row, column] = disk[row], known[row]
-    return disks, facing
+        disks[inner, :2] = position + radius[:, None] * normal
+    if len(inner) < count:
+        for end, disk, known in (
+            (0.0, span.first_disk, span.facing_start),
+            (1.0, span.last_disk, span.facing_end),
+        ):
+            place = (fraction == end).ravel().nonzero()[0]
+            disks[place], facing[place] = disk[place // width], known[place // width]
+    return disks.reshape(-1, width, 3), facing.reshape(-1, width)
 
 
 def motion(

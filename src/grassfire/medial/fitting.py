@@ -16,6 +16,7 @@ import numpy as np
 
 from grassfire.errors import GeometryError
 from grassfire.geometry.chebyshev import bernstein, interpolate_to_bezier, nodes
+from grassfire.medial.bisectors import between_lines
 from grassfire.medial.edges import (
     DEGREES,
     FEET_APART,
@@ -34,19 +35,24 @@ from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Si
 
 _COARSE = np.array([3, 6, 9])
 _FINE = np.array([1, 2, 4, 5, 7, 8, 10, 11])
-_COARSE_AND_ENDS = (0, 3, 6, 9, TOP)
-_EVERY = tuple(range(TOP + 1))
+_COARSE_AND_ENDS = [0, 3, 6, 9, TOP]
 _CHECKS = np.sin(np.pi * (np.array([0, 3, 8, 11]) + 0.5) / (2 * TOP)) ** 2
 """Midway between Chebyshev points, where the error of the highest degree is largest."""
 
-_INNER = np.concatenate([NODES[1:-1], _CHECKS])
-"""All places of a piece at which disks may be wanted, its ends aside."""
+_PLACES = np.concatenate([NODES[:-1], _CHECKS])
+"""All places of a piece at which disks may be wanted, its end aside."""
+
+_LATER = np.concatenate([NODES[_FINE], _CHECKS])
+"""Of them those that come after the coarse ones."""
 
 _GAIN = 12.0
 """Factor by which halving brings down the error of a piece that is singular at an end, or more."""
 
-_DEEPEST = 5
+_DEEPEST = 8
 """Halvings at once."""
+
+_UNCLEAR = 0.8
+"""Share of the halvings that an error asks for, where both ends are off by about as much."""
 
 _HOPELESS = 8
 """Halvings after which those that are left until patience ends are done at once."""
@@ -66,14 +72,15 @@ class _Trials(Interpolants):
     """Spans whose polynomials are looked for: the degree is 0 where none is good enough. The error
     aimed at, disks (k, 13, 3) at the Chebyshev points, the largest 1 - k r at the ends (k,), which
     is 0 where derivatives do not matter, whether halving has to end soon, slopes (k, 2) of the
-    contacts by the fraction at both ends, and how often to halve those that are not good enough,
-    towards the start (> 0) or end (< 0)."""
+    contacts by the fraction at both ends, disks (k, 4, 3) between the points, and how often to
+    halve those that are not good enough, towards the start (> 0) or end (< 0)."""
 
     goal: FloatArray
     disks: FloatArray
     sharpness: FloatArray
     late: BoolArray
     slope: FloatArray
+    checks: FloatArray
     grade: IntArray
 
     def found(self) -> Interpolants:
@@ -109,23 +116,26 @@ def fit_edges(
         An edge that does not converge, with its place.
     """
     span = graph_spans(graph, sites)
-    done: list[Interpolants] = []
     joints = [np.concatenate([graph.vertex_centre, graph.vertex_radius[:, None]], axis=1)]
     most = _MOST_HALVES * (len(span) + 1)
     worst = max(tolerance, largest or 0.0)
+    done, span = between_lines(sites, span, tolerance)
     straight, between, span = between_corners(sites, span, tolerance, len(joints[0]))
     done.append(straight)
     joints.append(between)
-    hint: FloatArray | None = None
+    trials: list[Interpolants] = []
+    known: _Known | None = None
     halvings = np.zeros(len(span), dtype=np.int64)
     for level in range(depth):
+        if not len(span):
+            break
         patient = halvings < _PATIENCE
-        pieces = _interpolate(sites, span, np.where(patient, tolerance, worst), patient, hint)
+        pieces = _interpolate(sites, span, np.where(patient, tolerance, worst), patient, known)
         lost = (pieces.degree == 0) & (_known_degree(sites, span) == 2)
         if level == 0 and lost.any():
             pieces = _turned(sites, pieces, lost, tolerance, worst)
             span = pieces.span
-        done.append(pieces.found())
+        trials.append(pieces.found())
         poor = np.flatnonzero(pieces.degree == 0)
         if not len(poor):
             break
@@ -134,26 +144,37 @@ def fit_edges(
             raise GeometryError("edges of the axis do not converge", place=tuple(place))
         parts = _parts(pieces.grade[poor], halvings[poor])
         count = sum(len(part) for part in joints)
-        span, hint, between = _split(sites, pieces.take(poor), parts, count)
+        span, known, between = _split(sites, pieces, poor[parts.row], parts, count)
         halvings = parts.halvings
         joints.append(between)
     else:
         place = span.first_disk[0, :2] + sites.origin
         raise GeometryError("an edge of the axis does not converge", place=tuple(place))
-    every = _drawable(sites, Interpolants.join(*done), joints, drawing_tolerance)
-    return _as_fit(sites, every, np.concatenate(joints))
+    parts_found = [*done, Interpolants.join(*trials)] if trials else done
+    drawn = [_drawable(sites, part, joints, drawing_tolerance) for part in parts_found]
+    return _as_fit(sites, drawn, np.concatenate(joints))
 
 
-def _as_fit(sites: Sites, every: Interpolants, vertices: FloatArray) -> Fit:
+def _as_fit(sites: Sites, parts: list[Interpolants], vertices: FloatArray) -> Fit:
     """All pieces in the order of the boundary."""
-    every = every.take(np.lexsort((every.span.start, every.span.edge)))
+    span = Span.join(*[part.span for part in parts])
+    order = np.lexsort((span.start, span.edge))
+    span, degree = span.take(order), np.concatenate([part.degree for part in parts])
+    # Each coefficient is moved once: from its place in one part after the other to its row.
+    control = np.concatenate(
+        [part.table[np.arange(part.table.shape[1]) <= part.degree[:, None]] for part in parts]
+    )
+    length = degree + 1
+    source, length = (np.cumsum(length) - length)[order], length[order]
+    offset = np.concatenate([[0], np.cumsum(length)])
+    rows = np.arange(offset[-1]) + np.repeat(source - offset[:-1], length)
     return Fit(
-        span=every.span,
-        control=every.table[np.arange(TOP + 1) <= every.degree[:, None]],
-        offset=np.concatenate([[0], np.cumsum(every.degree + 1)]).astype(np.int64),
-        error=every.error,
-        facing=every.facing,
-        exact=_known_degree(sites, every.span) > 0,
+        span=span,
+        control=control.take(rows, axis=0),
+        offset=offset,
+        error=np.concatenate([part.error for part in parts])[order],
+        facing=np.concatenate([part.facing for part in parts]).take(order, axis=0),
+        exact=_known_degree(sites, span) > 0,
         vertex_centre=vertices[:, :2],
         vertex_radius=vertices[:, 2],
     )
@@ -234,12 +255,19 @@ def _known_degree(sites: Sites, span: Span) -> IntArray:
     return np.where(line, degree, 0)
 
 
+class _Known(NamedTuple):
+    """Disks (k, 16, 3) and contacts (k, 16) of pieces at all places but their ends."""
+
+    disks: FloatArray
+    facing: FloatArray
+
+
 def _interpolate(
-    sites: Sites, span: Span, goal: FloatArray, steady: BoolArray, hint: FloatArray | None = None
+    sites: Sites, span: Span, goal: FloatArray, steady: BoolArray, known: _Known | None = None
 ) -> _Trials:
     """Lowest degree within the goal (0 where none is), its error, Bezier coefficients.
 
-    `steady` asks for good derivatives, too; (k, 15) `hint`s tell the contacts at all inner places.
+    `steady` asks for good derivatives, too.
     """
     count = len(span)
     ends = _Ends.of(sites, span)
@@ -258,79 +286,66 @@ def _interpolate(
         sharpness=np.where(late | (ends.apart < FEET_APART), 0.0, sharpness),
         late=late,
         slope=_end_slopes(span, ends.moved),
+        checks=np.full((count, len(_CHECKS), 3), np.nan),
         grade=np.ones(count, dtype=np.int64),
     )
     disks, facing = pieces.disks, pieces.facing
     disks[:, 0], disks[:, -1] = span.first_disk, span.last_disk
     facing[:, 0], facing[:, -1] = span.facing_start, span.facing_end
-    if hint is None:
+    if known is None:
         _coarse_and_fine(sites, pieces, ends.moved)
-        checks = np.full((count, len(_CHECKS), 3), np.nan)
     else:
-        found, where = evaluate_span(sites, span, _INNER, hint)
-        disks[:, 1:-1], facing[:, 1:-1] = found[:, : TOP - 1], where[:, : TOP - 1]
-        checks = found[:, TOP - 1 :]
-    _try(pieces, np.flatnonzero(pieces.degree == 0), DEGREES[:-1], _EVERY)
+        disks[:, 1:-1], facing[:, 1:-1] = known.disks[:, 1:TOP], known.facing[:, 1:TOP]
+        pieces.checks[:] = known.disks[:, TOP:]
+    _try(pieces)
     rows = np.flatnonzero((pieces.degree == 0) & np.isfinite(disks).all(axis=(1, 2)))
     if len(rows):
-        if hint is None:
-            expected = facing[rows] @ _resampling(TOP).T
-            checks[rows], _ = evaluate_span(sites, span.take(rows), _CHECKS, expected)
-        _try_top(pieces, rows, checks[rows])
+        _try_top(pieces, rows)
     return pieces
 
 
 def _coarse_and_fine(sites: Sites, pieces: _Trials, moved: FloatArray) -> None:
-    """Disks and contacts at the Chebyshev points, coarse ones first; lines and parabolas."""
+    """Disks and contacts at all places, coarse ones first."""
     span, disks, facing = pieces.span, pieces.disks, pieces.facing
     first = _first_hint(span, moved)
     disks[:, _COARSE], facing[:, _COARSE] = evaluate_span(sites, span, NODES[_COARSE], first)
-    coarse = _COARSE_AND_ENDS
-    # Contacts on lines and points are known where those of their ends are; on arcs they turn.
-    known = np.where(sites.kind[span.partner] == SiteKind.ARC, 0, _known_degree(sites, span))
-    for degree in (1, 2):
-        _try(pieces, np.flatnonzero(known == degree), (degree,), coarse)
     with np.errstate(invalid="ignore"):
-        rest = facing[:, list(coarse)] @ _resampling(4).T
-    easy = np.flatnonzero(pieces.degree > 0)
-    facing[easy[:, None], _FINE] = rest[easy]
-    rows = np.flatnonzero(pieces.degree == 0)
-    if len(rows):
-        found = evaluate_span(sites, span.take(rows), NODES[_FINE], rest[rows])
-        disks[rows[:, None], _FINE], facing[rows[:, None], _FINE] = found
+        rest = facing[:, _COARSE_AND_ENDS] @ _resampling().T
+    found, where = evaluate_span(sites, span, _LATER, rest)
+    fine = len(_FINE)
+    disks[:, _FINE], facing[:, _FINE] = found[:, :fine], where[:, :fine]
+    pieces.checks[:] = found[:, fine:]
 
 
-@lru_cache(maxsize=2)
-def _resampling(degree: int) -> FloatArray:
-    """Values at the fine points from those at the coarse ones (4), or at the checks (12)."""
-    at = NODES[_FINE] if degree < TOP else _CHECKS
-    basis = interpolate_to_bezier(np.eye(degree + 1))
-    return np.asarray(bernstein(degree, at) @ basis)
+@lru_cache(maxsize=1)
+def _resampling() -> FloatArray:
+    """Values at the later places from those at the coarse ones and the ends."""
+    basis = interpolate_to_bezier(np.eye(len(_COARSE_AND_ENDS)))
+    return np.asarray(bernstein(len(basis) - 1, _LATER) @ basis)
 
 
-@lru_cache(maxsize=8)
-def _deviations(degrees: tuple[int, ...], known: tuple[int, ...]) -> FloatArray:
-    """From values at the nodes `known` to what polynomials of `degrees` deviate there, stacked."""
-    place = {node: column for column, node in enumerate(known)}
-    result = np.zeros((len(degrees), len(known), len(known)))
+@lru_cache(maxsize=1)
+def _deviations() -> FloatArray:
+    """From values at all nodes to what polynomials of lower degrees deviate there, stacked."""
+    degrees, count = DEGREES[:-1], TOP + 1
+    result = np.zeros((len(degrees), count, count))
     for matrix, degree in zip(result, degrees, strict=True):
-        chosen = [place[node] for node in range(0, TOP + 1, TOP // degree)]
+        chosen = np.arange(0, count, TOP // degree)
         basis = interpolate_to_bezier(np.eye(degree + 1))
-        matrix[:, chosen] = bernstein(degree, NODES[list(known)]) @ basis
+        matrix[:, chosen] = bernstein(degree, NODES) @ basis
         # At its own nodes a polynomial has the very values.
         matrix[chosen] = 0.0
-        others = np.setdiff1d(np.arange(len(known)), chosen)
+        others = np.setdiff1d(np.arange(count), chosen)
         matrix[others, others] -= 1.0
-    return np.asarray(result.reshape(-1, len(known)))
+    return np.asarray(result.reshape(-1, count))
 
 
-def _try(pieces: _Trials, rows: IntArray, degrees: tuple[int, ...], known: tuple[int, ...]) -> None:
-    """Accept the lowest degree that is good enough at all nodes of which the disks are `known`."""
-    if not len(rows):
-        return
-    disks = pieces.disks[rows]
+def _try(pieces: _Trials) -> None:
+    """Accept the lowest degree that is good enough at all Chebyshev points."""
+    degrees = DEGREES[:-1]
     with np.errstate(invalid="ignore"):
-        off = _deviations(degrees, known) @ disks[:, list(known)]
+        off = _deviations() @ pieces.disks
+    rows = np.arange(len(off))
     away = _deviation(pieces, rows, off).reshape(len(rows), len(degrees), -1).max(axis=2)
     # Where the partner is out of reach the edge is not what the graph says: left open.
     away = np.where(np.isfinite(away), away, np.inf)
@@ -340,8 +355,8 @@ def _try(pieces: _Trials, rows: IntArray, degrees: tuple[int, ...], known: tuple
     for column, degree in enumerate(degrees):
         members = np.flatnonzero(found & (lowest == column))
         if len(members):
-            table = interpolate_to_bezier(disks[members, :: TOP // degree])
-            _accept(pieces, rows[members], degree, table, away[members, column])
+            table = interpolate_to_bezier(pieces.disks[members, :: TOP // degree])
+            _accept(pieces, members, degree, table, away[members, column])
 
 
 @lru_cache(maxsize=1)
@@ -350,14 +365,14 @@ def _top_at_checks() -> FloatArray:
     return bernstein(TOP, _CHECKS)
 
 
-def _try_top(pieces: _Trials, rows: IntArray, checks: FloatArray) -> None:
-    """Accept the highest degree where it agrees with the disks (n, 4, 3) between its nodes.
+def _try_top(pieces: _Trials, rows: IntArray) -> None:
+    """Accept the highest degree where it agrees with the disks between its nodes.
 
-    Where it does not, and by far more at one end than at the other, the cause is at that end: as
-    many halvings towards it as the error asks for.
+    Where it does not, the cause is at the end where it is off by more: as many halvings towards it
+    as the error asks for, some less where it is hardly more than at the other.
     """
     table = interpolate_to_bezier(pieces.disks[rows])
-    off = _top_at_checks() @ table - checks
+    off = _top_at_checks() @ table - pieces.checks[rows]
     away = _deviation(pieces, rows, off).max(axis=1)
     limit = _limit(pieces, rows, (TOP,))[:, 0]
     good = away <= limit
@@ -366,9 +381,10 @@ def _try_top(pieces: _Trials, rows: IntArray, checks: FloatArray) -> None:
     head, tail = side[:, :2].max(axis=1), side[:, 2:].max(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = np.log(away / limit) / np.log(_GAIN)
-    depth = np.where(np.isfinite(depth), np.clip(depth, 1, _DEEPEST), 1).astype(np.int64)
     clear = np.maximum(head, tail) > 2 * np.minimum(head, tail)
-    pieces.grade[rows] = np.where(head >= tail, 1, -1) * np.where(clear, depth, 1)
+    depth = np.where(np.isfinite(depth), np.where(clear, 1.0, _UNCLEAR) * depth, 1)
+    depth = np.clip(depth, 1, _DEEPEST).astype(np.int64)
+    pieces.grade[rows] = np.where(head >= tail, depth, -depth)
 
 
 def _deviation(pieces: _Trials, rows: IntArray, away: FloatArray) -> FloatArray:
@@ -432,51 +448,48 @@ def _parts(grade: IntArray, halvings: IntArray) -> _Parts:
 
 
 def _split(
-    sites: Sites, pieces: _Trials, parts: _Parts, count: int
-) -> tuple[Span, FloatArray, FloatArray]:
+    sites: Sites, pieces: _Trials, row: IntArray, parts: _Parts, count: int
+) -> tuple[Span, _Known, FloatArray]:
     """Pieces as parts, of which the first joint has the number `count`.
 
-    Returns the parts, the contacts that are expected at their inner places (k, 15), and the
-    disks (j, 3) at the joints between them.
+    `row` (k,) are the pieces of the parts. Returns the parts, the disks and contacts at their
+    places, and the disks (j, 3) at the joints between them.
     """
-    row, low, high, inner = parts.row, parts.low, parts.high, np.flatnonzero(parts.inner)
-    source, place = row[inner], low[inner, None]
-    disk, facing = pieces.disks[source, TOP // 2], pieces.facing[source, TOP // 2]
-    other = np.flatnonzero(place[:, 0] != 0.5)
-    if len(other):
-        parents, at = pieces.take(source[other]), place[other]
-        found = evaluate_span(sites, parents.span, at, _between(parents, at))
-        disk[other], facing[other] = found[0][:, 0], found[1][:, 0]
+    low, high, inner = parts.low, parts.high, np.flatnonzero(parts.inner)
+    parents, place = pieces.span.take(row), low[:, None] + (high - low)[:, None] * _PLACES
+    hint = _between(pieces.facing.take(row, axis=0), pieces.slope.take(row, axis=0), place)
+    known = _Known(*evaluate_span(sites, parents, place, hint))
+    disk, facing = known.disks[inner, 0], known.facing[inner, 0]
     lost = ~np.isfinite(disk).all(axis=1)
     if lost.any():
-        start = pieces.span.first_disk[source[lost][0], :2] + sites.origin
+        start = parents.first_disk[inner[lost][0], :2] + sites.origin
         raise GeometryError("an edge of the axis is interrupted", place=tuple(start))
-    hint = _between(pieces.take(row), low[:, None] + (high - low)[:, None] * _INNER)
-    span = cut_span(pieces.span.take(row), low, high, inner, disk, facing, count)
-    return span, hint, disk
+    return cut_span(parents, low, high, inner, disk, facing, count), known, disk
 
 
-def _between(pieces: _Trials, fraction: FloatArray) -> FloatArray:
-    """Contacts (k, n) at fractions (k, n) by monotone cubics between those that are known.
+def _between(facing: FloatArray, ends: FloatArray, fraction: FloatArray) -> FloatArray:
+    """Contacts (k, n) at fractions (k, n) by monotone cubics between those known (k, 13).
 
-    Slopes at the nodes are harmonic means of those of both chords (Fritsch and Butland 1984).
+    Slopes (k, 2) at the ends are given; at the nodes they are harmonic means of those of both
+    chords (Fritsch and Butland 1984).
     """
-    facing, width = pieces.facing, np.diff(NODES)
+    width = np.diff(NODES)
     chord = np.diff(facing, axis=1) / width
     left, right = width[:-1] + 2 * width[1:], 2 * width[:-1] + width[1:]
     slope = np.zeros_like(facing)
-    ends = chord[:, [0, -1]]
-    slope[:, [0, -1]] = ends * _ratio(pieces.slope, ends)
+    last = chord[:, [0, -1]]
+    slope[:, [0, -1]] = last * _ratio(ends, last)
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = (left + right) / (left / chord[:, :-1] + right / chord[:, 1:])
     slope[:, 1:-1] = np.where(chord[:, :-1] * chord[:, 1:] > 0, mean, 0.0)
-    cell = np.clip(np.searchsorted(NODES, fraction, side="right") - 1, 0, TOP - 1)
-    row = np.arange(len(facing))[:, None]
-    along = fraction - NODES[cell]
-    share = along / width[cell]
-    secant, head, tail = chord[row, cell], slope[row, cell], slope[row, cell + 1]
+    cell = np.minimum(np.searchsorted(NODES[1:], fraction, side="right"), TOP - 1)
+    flat = cell + TOP * np.arange(len(facing))[:, None]
+    at = flat + np.arange(len(facing))[:, None]
+    along = fraction - NODES.take(cell)
+    share = along / width.take(cell)
+    secant, head, tail = chord.take(flat), slope.take(at), slope.take(at + 1)
     bend = 3 * secant - 2 * head - tail + share * (head + tail - 2 * secant)
-    return np.asarray(facing[row, cell] + along * (head + share * bend))
+    return np.asarray(facing.take(at) + along * (head + share * bend))
 
 
 # -- drawing --------------------------------------------------------------------------------------
@@ -489,9 +502,14 @@ def _drawable(
 
     The sagitta of a chord is |x' cross x''| / |x'| times its parameter step squared over 8.
     """
+    if not np.any(pieces.degree > 1):
+        return pieces
     parts = np.ones(len(pieces.span), dtype=np.int64)
-    for degree in np.unique(pieces.degree[pieces.degree > 1]):
-        rows = np.flatnonzero(pieces.degree == degree)
+    bent = np.where(pieces.degree > 1, pieces.degree, 0)
+    # Between two corners the axis is straight.
+    bent[pieces.span.hyperbolic] = 0
+    for degree in np.unique(bent[bent > 0]):
+        rows = np.flatnonzero(bent == degree)
         bend = _bend(pieces.table[rows, : degree + 1, :2])
         parts[rows] = np.ceil(np.sqrt(np.maximum(bend / (8 * _CHORDS**2 * tolerance), 1.0)))
     long = np.flatnonzero(parts > 1)
@@ -524,7 +542,7 @@ def _cut(
     low, high = index / parts[row], (index + 1) / parts[row]
     fraction = low[:, None] + (high - low)[:, None] * NODES
     facing = _values(interpolate_to_bezier(pieces.facing[..., None])[row], TOP, fraction)[..., 0]
-    table = np.zeros((len(row), TOP + 1, 3))
+    table = np.zeros((len(row), *pieces.table.shape[1:]))
     degree = pieces.degree[row]
     for value in np.unique(degree):
         members = np.flatnonzero(degree == value)

@@ -151,19 +151,18 @@ def _vertices(topology: Topology, intervals: Intervals) -> tuple[IntArray, Float
     events = np.flatnonzero(nodes.vertex >= 0)
     identity = nodes.vertex[events]
     centre, radius = nodes.centre[events], nodes.radius[events]
-    links = [np.stack([identity, identity])]  # each with itself
-    links.extend(_neighbours(identity, centre, radius, topology.cluster))
+    links = _neighbours(identity, centre, radius, topology.cluster)
     links.append(_triples(topology, events))
     group = intervals.group[events]
     same = group[1:] == group[:-1]
     links.append(np.stack([identity[:-1][same], identity[1:][same]]))
-    rows, columns = np.concatenate(links, axis=1)
-    count = topology.vertex_count
-    component = connected(rows, columns, count)
-    used = np.unique(component[identity])
-    renumber = np.full(count, -1, dtype=np.int64)
-    renumber[used] = np.arange(len(used))
-    label = renumber[component]
+    one, other = np.concatenate(links, axis=1)
+    count, apart = topology.vertex_count, one != other
+    component = connected(one[apart], other[apart], count)
+    seen = np.zeros(count, dtype=bool)
+    seen[component[identity]] = True
+    used = np.flatnonzero(seen)
+    label = np.where(seen, np.cumsum(seen) - 1, -1)[component]
     owner = label[identity]
     # an end so near to a branch point that they are one stays where it is
     turning = nodes.left[events] == nodes.right[events]
@@ -184,6 +183,14 @@ def _neighbours(
 ) -> list[IntArray]:
     """Links between events nearer than `length`: those of a cell in a row, then the cells."""
     disk = np.concatenate([centre, radius[:, None]], axis=1)
+    # Most events stand there several times, with the very same disk.
+    row = np.arange(len(identity))
+    holder = np.empty(int(identity.max(initial=-1)) + 1, dtype=np.int64)
+    holder[identity] = row
+    holder = holder[identity]
+    other = disk.take(holder, axis=0) != disk
+    kept = ((holder == row) | other[:, 0] | other[:, 1] | other[:, 2]).nonzero()[0]
+    identity, disk = identity[kept], disk.take(kept, axis=0)
     cell = equal_rows(np.floor(disk / (0.5 * length)).T)
     order = np.argsort(cell, kind="stable")
     same = np.diff(cell[order]) == 0
@@ -228,10 +235,11 @@ def _pair(site: IntArray, partner: IntArray, first: IntArray, last: IntArray) ->
     rows = np.flatnonzero(partner != WHOLE)
     if not len(rows):
         return mate
-    forward = np.stack([site, partner, first, last])[:, rows]
-    backward = np.stack([partner, site, last, first])[:, rows]
-    both = np.concatenate([forward, backward], axis=1)
-    rank = equal_rows(both)
+    one, other, begin, end = (column[rows] for column in (site, partner, first, last))
+    width, count = int(max(site.max(), partner.max())) + 1, int(max(first.max(), last.max())) + 1
+    sides = np.concatenate([one * width + other, other * width + one])
+    ends = np.concatenate([begin * count + end, end * count + begin])
+    rank = equal_rows(np.stack([sides, ends]))
     holder = np.full(int(rank.max()) + 1, -1, dtype=np.int64)
     holder[rank[: len(rows)]] = rows
     mate[rows] = holder[rank[len(rows) :]]

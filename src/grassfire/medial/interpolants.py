@@ -13,8 +13,9 @@ from grassfire.medial.sites import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Interpolants(Columns):
-    """Spans with their polynomials: degree, coefficients (k, 13, 3) of which the first degree + 1
-    count, what the polynomials are off by, and contacts (k, 13) at the Chebyshev points."""
+    """Spans with their polynomials: degree, coefficients (k, 13, 3), or fewer columns, of which the
+    first degree + 1 count, what the polynomials are off by, and contacts (k, 13) at the Chebyshev
+    points."""
 
     span: Span
     degree: IntArray

@@ -280,7 +280,7 @@ class Walker:
             if not len(active):
                 break
             here = place[active]
-            disks, growth = recover.jets(self.axis.fit, row[active], here, 1)
+            disks, growth = recover.jets(self.axis.fit, row[active], here, orders=1)
             excess, slope[active] = disks[:, 2] - distance[active], growth[:, 2]
             beyond = (excess >= 0) == rising[active]
             low = np.where(beyond, left[active], here)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from grassfire.errors import GeometryError
-from grassfire.geometry.chebyshev import bernstein_family
+from grassfire.geometry.chebyshev import bernstein_among, bernstein_family
 from grassfire.medial.edges import Fit
 from grassfire.medial.sites import FloatArray, IntArray
 
@@ -67,20 +67,33 @@ def recover_boundary(
     fraction = np.linspace(0.0, 1.0, samples_per_edge)
     row = np.repeat(kept, samples_per_edge)
     place = np.tile(fraction, len(kept))
-    disks, first, second = jets(axis.fit, row, place)
+    disks, first, second = jets(axis.fit, row, place, fraction)
     left, right = envelope(disks, first, second, place)
     edge = np.repeat(np.arange(len(kept)), samples_per_edge)
     return edge, place, left + axis.sites.origin, right + axis.sites.origin
 
 
-def jets(fit: Fit, row: IntArray, fraction: FloatArray, orders: int = 2) -> list[FloatArray]:
-    """Disks (x, y, r) of pieces `row` (n,) at `fraction` (n,), and derivatives, (n, 3) each."""
+def jets(
+    fit: Fit,
+    row: IntArray,
+    fraction: FloatArray,
+    among: FloatArray | None = None,
+    orders: int = 2,
+) -> list[FloatArray]:
+    """Disks (x, y, r) of pieces `row` (n,) at `fraction` (n,), and derivatives, (n, 3) each.
+
+    Fractions that are `among` few, given in order, take less time.
+    """
     result = [np.zeros((len(row), 3)) for _ in range(orders + 1)]
     degrees = fit.degree[row]
     for degree in np.unique(degrees):
         members = np.flatnonzero(degrees == degree)
         table = fit.control[fit.offset[row[members], None] + np.arange(degree + 1)]
-        family = bernstein_family(int(degree), fraction[members], orders)
+        place = fraction[members]
+        if among is None:
+            family = bernstein_family(int(degree), place, orders)
+        else:
+            family = bernstein_among(int(degree), place, orders, among)
         for order, (values, basis) in enumerate(zip(result, family, strict=True)):
             if order:
                 table = (degree + 1 - order) * np.diff(table, axis=1)

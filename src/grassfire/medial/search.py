@@ -14,22 +14,29 @@ from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.reach import FarSamples
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, disk_through
 
-_FIRST_NEIGHBOURS = (8, 10)
+_FIRST_NEIGHBOURS = ((4096, 10), (512, 12), (0, 32))
+"""Numbers of points from which so many samples are looked at first: rounds cost more than samples
+where points are few."""
 _FEW_NEIGHBOURS = 8
 _EARLIER = np.tri(_FEW_NEIGHBOURS, dtype=bool)
 _SAMPLES_PER_SITE = (2, 16)
 _CROWDING = 60.0
 _TURNED = np.array([(np.cos(0.5), -np.sin(0.5)), (np.sin(0.5), np.cos(0.5))])
 """The tree has its own axes: its nodes split off points that are level with an axis one by one."""
-_STRIDE = 16
+_STRIDE, _STRIDED = 8, 256
+"""One search of eight comes first, where there are so many."""
 _GLANCE = 0.1
 """Share by which a first look at the distance may be off."""
-_CLOSE, _ROUGH = 1e-4, 1e-2
+_ROUGH = 1e-2
+"""Share of its radius that a disk which touches a sample may be too large by."""
+_CLINGING = 64
+"""Of so many samples the longest step along the boundary passes over one."""
+_PAIRS = 20_000
+"""Points times samples that are compared one by one as quickly as a tree answers."""
 _STEPS = 8
 """Sites along which contacts are followed from where samples show them."""
 _MANY = 4096
-"""Searches of so many points are spread over the processors, and started from every 16th; fewer
-points are given more neighbours at once."""
+"""Searches of so many points are spread over the processors; fewer are given more neighbours."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +63,21 @@ class Rivals(Columns):
 
 
 @dataclass(frozen=True)
+class Feet(Columns):
+    """Places (n, e) on sites that are nearer to n points than any near them, and how far, mm.
+
+    The site is -1 where there is none.
+    """
+
+    site: IntArray
+    parameter: FloatArray
+    distance: FloatArray
+
+
+@dataclass(frozen=True)
 class _Candidates:
-    """Pairs of a query row and a site that may be near: sample parameter and distance.
+    """Pairs of a query row and a site that may be near: parameter and distance of its nearest
+    sample.
 
     `complete` tells per row whether every site that reaches it is among them; where that is
     `partial`, some site is, if there is any.
@@ -66,6 +86,7 @@ class _Candidates:
     row: IntArray
     site: IntArray
     hint: FloatArray
+    away: FloatArray
     complete: BoolArray
     partial: BoolArray
 
@@ -192,6 +213,7 @@ class BoundarySearch:
         outside: bool = False,
         slack: float = 0.0,
         bound: FloatArray | None = None,
+        feet: Feet | None = None,
     ) -> tuple[FloatArray, IntArray, FloatArray]:
         """Distance to the boundary, nearest site and its parameter, each (n,).
 
@@ -208,10 +230,12 @@ class BoundarySearch:
         bound : (n,) float array, optional
             Distances beyond which nothing is looked for, mm: what is farther may be found or not,
             and where nothing is found the distance is infinite and the site -1.
+        feet : Feet, optional
+            What is known already. The rest of their sites is looked at where samples show more.
         """
         allowance, slack = slack, slack + 1e-13 * self.sites.size
         count = len(centre)
-        neighbours = _FIRST_NEIGHBOURS[count >= _MANY]
+        neighbours = _first_neighbours(count)
         if excluded is None and outside and 0 < count < _MANY:
             distance, site, parameter, active = self._nearest_few(centre, allowance)
         else:
@@ -219,6 +243,10 @@ class BoundarySearch:
             site = np.full(count, -1, dtype=np.int64)
             parameter = np.full(count, np.nan)
             active = np.arange(count)
+        if feet is not None:
+            nearest = np.arange(count), feet.distance.argmin(axis=1)
+            distance, site = feet.distance[nearest], feet.site[nearest]
+            parameter = feet.parameter[nearest]
         while len(active):
             found = self._candidates(
                 centre[active],
@@ -229,16 +257,41 @@ class BoundarySearch:
                 outside,
                 nearest=True,
             )
-            target, place = found.site, centre[active][found.row]
-            where, away = self.sites.project(target, place, found.hint, allowance)
-            first, best = _minimum_by_row(found.row, away)
-            chosen = active[first]
+            row, target, hint = active[found.row], found.site, found.hint
+            if feet is not None:
+                new = self._unknown(feet, row, target, hint, found.away).nonzero()[0]
+                row, target, hint = row[new], target[new], hint[new]
+            where, away = self.sites.project(target, centre[row], hint, allowance)
+            chosen, best = _minimum_by_row(row, away)
+            nearer = (away[best] < distance[chosen]).nonzero()[0]
+            chosen, best = chosen[nearer], best[nearer]
             distance[chosen] = away[best]
-            site[chosen] = found.site[best]
+            site[chosen] = target[best]
             parameter[chosen] = where[best]
             active = active[~found.complete]
-            neighbours *= 4
+            neighbours *= 2
         return distance, site, parameter
+
+    def _unknown(
+        self, feet: Feet, row: IntArray, site: IntArray, parameter: FloatArray, away: FloatArray
+    ) -> BoolArray:
+        """Whether samples (k,), `away` from the points `row` (k,), show more than feet do.
+
+        They do not beside a foot on the same site that is nearer.
+        """
+        step = self._step[site]
+        result = np.ones(len(row), dtype=bool)
+        for column in range(feet.site.shape[1]):
+            known = feet.site[row, column] == site
+            known &= np.abs(feet.parameter[row, column] - parameter) <= step
+            known &= feet.distance[row, column] <= away
+            result &= ~known
+        return result
+
+    @cached_property
+    def _step(self) -> FloatArray:
+        """(m,) parameters from sample to sample."""
+        return (self.sites.high - self.sites.low) / np.bincount(self.site)
 
     @cached_property
     def _everywhere(self) -> tuple[Neighbours, IntArray, FloatArray]:
@@ -302,16 +355,17 @@ class BoundarySearch:
         if excluded is not None:
             for item in range(excluded.shape[1]):
                 allowed &= owner != excluded[:, item, None]
-        shown = np.where(allowed, away, np.inf).min(axis=1)
         # A disk is wanted to its whole radius: its nearest site may end before it touches.
-        limit = np.minimum(radius, shown) if nearest else radius
+        limit = radius
+        if nearest:
+            limit = np.minimum(radius, np.where(allowed, away, np.inf).min(axis=1))
         # A sample that the disk touches must not be lost to rounding.
-        allowance = limit * (1 + 1e-9)
+        allowance = (limit * (1 + 1e-9))[:, None]
+        half, least = self.half.take(owner), np.maximum(away - self.bulge.take(owner), 0.0)
         if outside:
-            bound = allowance[:, None] + self.half[owner] + self.bulge[owner]
+            allowed &= least <= allowance + half
         else:
-            bound = np.hypot(allowance[:, None], self.half[owner]) + self.bulge[owner]
-        allowed &= away <= bound
+            allowed &= least * least <= allowance * allowance + half * half
         complete = self._complete(away[:, -1], limit, slack, outside)
         complete |= wanted == len(self.site)
         row, column = np.nonzero(allowed)
@@ -325,7 +379,12 @@ class BoundarySearch:
         chosen = order[head]
         row, column = row[chosen], column[chosen]
         return _Candidates(
-            row, target[chosen], self.parameter[index[row, column]], complete, partial
+            row,
+            target[chosen],
+            self.parameter[index[row, column]],
+            away[row, column],
+            complete,
+            partial,
         )
 
     # -- maximal disks ----------------------------------------------------------------------------
@@ -364,7 +423,7 @@ class BoundarySearch:
         seen = self._walk(tangents, excluded, touched, best, partner, parameter)
         radius = np.minimum(radius, best)
         active = np.arange(count)
-        neighbours = np.full(count, _FIRST_NEIGHBOURS[count >= _MANY])
+        neighbours = np.full(count, _first_neighbours(count))
         rounding = 1e-13 * self.sites.size
         restarted = np.zeros(count, dtype=bool)
         while len(active):
@@ -392,7 +451,7 @@ class BoundarySearch:
             lost &= ~restarted[rows]
             restarted[rows[lost]] = True
             radius[rows[lost]] = np.minimum(best[rows[lost]], limit[rows[lost]])
-            neighbours[rows[~changed & ~found.complete]] *= 4
+            neighbours[rows[~changed & ~found.complete]] *= 2
             # Disks that are tangent at one point are nested: what reaches into a smaller one
             # reached into the one that was looked at.
             done = np.zeros(count, dtype=bool)
@@ -511,15 +570,15 @@ class BoundarySearch:
         """Radii of disks that hold no sample, but for a percent or so, and the samples that they
         touch, -1 where that is none.
 
-        Of many points every 16th comes first; what it touches bounds the disks beside it.
+        Of many points every eighth comes first; what it touches bounds the disks beside it.
         """
         position, normal = tangents.position, tangents.normal
         radius = limit.copy()
         count = len(radius)
         touched = np.full(count, -1, dtype=np.int64)
-        if count >= _MANY:
+        if count >= _STRIDED:
             coarse = np.arange(0, count, _STRIDE)
-            part, shown = self._shrink(position[coarse], normal[coarse], radius[coarse], _CLOSE)
+            part, shown = self._shrink(position[coarse], normal[coarse], radius[coarse])
             radius[coarse], touched[coarse] = part, shown
             group = np.arange(count) // _STRIDE
             for follower in (group, np.minimum(group + 1, len(coarse) - 1)):
@@ -529,31 +588,81 @@ class BoundarySearch:
                 known = (sample >= 0) & np.all(excluded != self.site[sample, None], axis=1)
                 known &= rho < radius
                 radius, touched = np.where(known, rho, radius), np.where(known, sample, touched)
-        radius, shown = self._shrink(position, normal, radius, _ROUGH)
-        return radius, np.where(shown >= 0, shown, touched)
+            rest = (np.arange(count) % _STRIDE).nonzero()[0]
+        else:
+            rest = np.arange(count)
+        radius[rest], shown = self._shrink(position[rest], normal[rest], radius[rest])
+        touched[rest] = np.where(shown >= 0, shown, touched[rest])
+        self._descend(tangents, excluded, radius, touched)
+        return radius, touched
+
+    def _descend(
+        self, tangents: Tangents, excluded: IntArray, radius: FloatArray, touched: IntArray
+    ) -> None:
+        """Go on to samples along the boundary as long as disks become smaller. In place.
+
+        Where a disk all but clings to the boundary, samples far apart are a percent nearer or not.
+        """
+        step = len(self.point) // _CLINGING
+        rows = (touched >= 0).nonzero()[0]
+        position, normal = tangents.position.take(rows, axis=0), tangents.normal.take(rows, axis=0)
+        best, sample, own = radius.take(rows), touched.take(rows), excluded.take(rows, axis=0)
+        while step:
+            for shift in (-step, step):
+                other = np.minimum(np.maximum(sample + shift, 0), len(self.point) - 1)
+                rho = disk_through(self.point.take(other, axis=0) - position, normal)
+                better = (rho < best).nonzero()[0]
+                # Samples of a point's own sites tell nothing.
+                site = self.site.take(other.take(better))
+                better = better[np.all(own.take(better, axis=0) != site[:, None], axis=1)]
+                best[better], sample[better] = rho.take(better), other.take(better)
+            step //= 2
+        radius[rows], touched[rows] = best, sample
 
     def _shrink(
-        self, position: FloatArray, normal: FloatArray, radius: FloatArray, share: float
+        self, position: FloatArray, normal: FloatArray, radius: FloatArray
     ) -> tuple[FloatArray, IntArray]:
         """Shrink the disks to touch samples; and the sample that each touches, or -1."""
-        radius = radius.copy()
-        touched = np.full(len(radius), -1, dtype=np.int64)
-        active = np.arange(len(position))
+        count = len(radius)
+        if count * len(self.point) <= _PAIRS:
+            return self._shrink_few(position, normal, radius)
+        radius, active = radius.copy(), np.arange(count)
+        touched = np.full(count, -1, dtype=np.int64)
         for _ in range(40):
             if not len(active):
                 break
             centre = position[active] + radius[active, None] * normal[active]
-            found = self._query(centre, 1, share, radius[active])
+            found = self._query(centre, 1, _ROUGH, radius[active])
             away, index = found[0][:, 0], found[1][:, 0]
             inside = away < radius[active] * (1 - 1e-7)
             active, index = active[inside], index[inside]
             rho = disk_through(self.point[index] - position[active], normal[active])
             shrunk = rho < radius[active]
             active, rho, index = active[shrunk], rho[shrunk], index[shrunk]
-            slow = rho > (1 - share) * radius[active]
+            slow = rho > (1 - _ROUGH) * radius[active]
             radius[active], touched[active] = rho, index
             active = active[~slow]
         return radius, touched
+
+    def _shrink_few(
+        self, position: FloatArray, normal: FloatArray, radius: FloatArray
+    ) -> tuple[FloatArray, IntArray]:
+        """The same by looking at all samples."""
+        x = self.point[:, 0] - position[:, :1]
+        y = self.point[:, 1] - position[:, 1:]
+        height = x * normal[:, :1] + y * normal[:, 1:]
+        # How far inside samples are, from the difference of two squares.
+        excess = x * x + y * y
+        inside = excess - 2 * radius[:, None] * height < -2e-7 * (radius * radius)[:, None]
+        rho = np.full_like(excess, np.inf)
+        np.divide(excess, 2 * height, out=rho, where=inside)
+        touched = rho.argmin(axis=1)
+        least = rho[np.arange(len(rho)), touched]
+        return np.minimum(radius, least), np.where(least < radius, touched, -1)
+
+
+def _first_neighbours(count: int) -> int:
+    return next(number for least, number in _FIRST_NEIGHBOURS if count >= least)
 
 
 def _minimum_by_row(row: IntArray, value: FloatArray) -> tuple[IntArray, IntArray]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from math import factorial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -112,6 +113,16 @@ class Sites:
         return np.asarray(self.coefficients[:, 1:, 2].any(axis=1))
 
     @cached_property
+    def all_polynomial(self) -> bool:
+        """Whether no Bezier curve is rational."""
+        return not self.rational.any()
+
+    @cached_property
+    def all_spirals(self) -> bool:
+        """Whether there are no sites but spirals."""
+        return bool((self.kind == SiteKind.SPIRAL).all())
+
+    @cached_property
     def polynomial(self) -> FloatArray:
         """(2, degree + 1, b) power coefficients of x and y of the curves that are not rational."""
         table = np.ascontiguousarray(self.coefficients.T)
@@ -126,11 +137,13 @@ class Sites:
 
     def derivatives(self, site: IntArray, parameter: FloatArray, order: int) -> list[FloatArray]:
         """Point and derivatives up to `order` (at most 3), each of shape (n, 2)."""
+        if not self.curved:
+            direction = self._direction.take(site, axis=0)
+            place = self.anchor.take(site, axis=0) + parameter[:, None] * direction
+            return [place, direction, *np.zeros((2, len(site), 2))][: order + 1]
+        if self.all_spirals:
+            return self.curves(site).at(parameter, order)
         kind = self.kind[site]
-        if self.curved == {SiteKind.SPIRAL}:
-            spiral = (kind == SiteKind.SPIRAL).nonzero()[0]
-            if len(spiral) == len(site) > 0:
-                return self._spiral(self.bezier[site], parameter, order)
         direction = self._direction[site]
         result = [self.anchor[site] + parameter[:, None] * direction, direction]
         result.extend(np.zeros((len(site), 2)) for _ in range(2, order + 1))
@@ -143,7 +156,7 @@ class Sites:
         if SiteKind.SPIRAL in self.curved:
             spiral = (kind == SiteKind.SPIRAL).nonzero()[0]
             if len(spiral):
-                parts = self._spiral(self.bezier[site[spiral]], parameter[spiral], order)
+                parts = self.curves(site[spiral]).at(parameter[spiral], order)
                 for values, part in zip(result, parts, strict=True):
                     values[spiral] = part
         return result
@@ -191,6 +204,18 @@ class Sites:
         line = self.kind == SiteKind.LINE
         return np.where(line, dot(self._direction, self._direction), 1.0)
 
+    @cached_property
+    def length(self) -> FloatArray:
+        """(m,) lengths of lines, 0 for others."""
+        return np.hypot(self._direction[:, 0], self._direction[:, 1])
+
+    @cached_property
+    def inward(self) -> FloatArray:
+        """(m, 2) inward unit normals of lines, 0 for others."""
+        length = np.where(self.length > 0, self.length, 1.0)
+        x, y = self._direction.T / length
+        return np.stack([-y, x], axis=1)
+
     def _arc(self, site: IntArray, parameter: FloatArray) -> Iterator[FloatArray]:
         """Point and derivatives, as many as are wanted."""
         sweep = self.extent[site, 1]
@@ -205,10 +230,21 @@ class Sites:
             result[:, 0], result[:, 1] = x, y
             yield result
 
-    def _spiral(self, row: IntArray, parameter: FloatArray, order: int) -> list[FloatArray]:
-        if self.rational.any():
-            return evaluate_rational(self.coefficients[row], parameter, order)
-        return polynomial(self.polynomial.take(row, axis=2), parameter - 0.5, order)
+    def curves(self, site: IntArray) -> Curves:
+        """The curves of spirals."""
+        row = self.bezier.take(site)
+        if self.all_polynomial:
+            return Curves(self.polynomial.take(row, axis=2), False)
+        return Curves(self.coefficients.take(row, axis=0), True)
+
+    @cached_property
+    def _spiral_ends(self) -> tuple[FloatArray, FloatArray]:
+        """First and last points (m, 2) of spirals, 0 for other sites."""
+        spiral = np.flatnonzero(self.kind == SiteKind.SPIRAL)
+        result = np.zeros((2, len(self), 2))
+        for values, end in zip(result, (self.low, self.high), strict=True):
+            values[spiral] = self.curves(spiral).at(end[spiral], 0)[0]
+        return result[0], result[1]
 
     def point(self, site: IntArray, parameter: FloatArray) -> FloatArray:
         """(n, 2) boundary points."""
@@ -226,6 +262,8 @@ class Sites:
     def tangents(self, site: IntArray, parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Points (n, 2) and inward unit normals (n, 2)."""
         position, first = self.derivatives(site, parameter, 1)
+        if not self.curved:
+            return position, self._plain_normals(site, parameter)
         return position, self._normals(site, parameter, first, np.hypot(first[:, 0], first[:, 1]))
 
     def _normals(
@@ -236,6 +274,14 @@ class Sites:
         normal = np.empty((len(site), 2))
         np.divide(first[:, 1], -safe, out=normal[:, 0])
         np.divide(first[:, 0], safe, out=normal[:, 1])
+        return normal if self.all_spirals else self._fanned(site, parameter, normal)
+
+    def _plain_normals(self, site: IntArray, parameter: FloatArray) -> FloatArray:
+        """Unit normals (n, 2) at lines and corners."""
+        return self._fanned(site, parameter, self.inward.take(site, axis=0))
+
+    def _fanned(self, site: IntArray, parameter: FloatArray, normal: FloatArray) -> FloatArray:
+        """The same with the normals (n, 2) at corners, in place."""
         point = (self.kind[site] == SiteKind.POINT).nonzero()[0]
         if len(point):
             start, turn = self.extent[site[point]].T
@@ -247,13 +293,20 @@ class Sites:
         self, site: IntArray, parameter: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """As `frame`, and the length along the boundary per unit of parameter (n,), 0 in fans."""
+        if not self.curved:
+            position = self.point(site, parameter)
+            bend = np.where(self.kind == SiteKind.POINT, -np.inf, 0.0).take(site)
+            normal = self._plain_normals(site, parameter)
+            return position, normal, bend, self.length.take(site)
         position, first, second = self.derivatives(site, parameter, 2)
         dx, dy = first[:, 0], first[:, 1]
         speed = np.hypot(dx, dy)
         normal = self._normals(site, parameter, first, speed)
-        kind = self.kind[site]
         safe = np.where(speed > 0, speed, 1.0)
-        curvature = (dx * second[:, 1] - dy * second[:, 0]) / safe**3
+        curvature = (dx * second[:, 1] - dy * second[:, 0]) / (safe * safe * safe)
+        if self.all_spirals:
+            return position, normal, curvature, speed
+        kind = self.kind[site]
         if SiteKind.ARC in self.curved:
             arc = (kind == SiteKind.ARC).nonzero()[0]
             curvature[arc] = np.sign(self.extent[site[arc], 1]) / self.radius[site[arc]]
@@ -262,8 +315,13 @@ class Sites:
 
     def speed(self, site: IntArray, parameter: FloatArray, radius: FloatArray) -> FloatArray:
         """(n,) length along the boundary (or the fan at `radius`) per unit of parameter."""
-        first = self.derivatives(site, parameter, 1)[1]
-        result = np.hypot(first[:, 0], first[:, 1])
+        if self.curved:
+            first = self.derivatives(site, parameter, 1)[1]
+            result = np.hypot(first[:, 0], first[:, 1])
+            if self.all_spirals:
+                return result
+        else:
+            result = self.length.take(site)
         point = (self.kind[site] == SiteKind.POINT).nonzero()[0]
         if len(point):
             result[point] = np.abs(self.extent[site[point], 1]) * radius[point]
@@ -278,6 +336,8 @@ class Sites:
 
         Distances may be too large by `slack`, mm, and parameters are then less exact.
         """
+        if self.all_spirals:
+            return self._project_spiral(target, centre, hint, slack)
         # Points have no direction, which makes their parameter 0; curves are dealt with below.
         direction, square = self._direction.take(target, axis=0), self._square.take(target)
         along = dot(centre - self.anchor.take(target, axis=0), direction)
@@ -290,7 +350,7 @@ class Sites:
         if SiteKind.SPIRAL in self.curved:
             rows = (kind == SiteKind.SPIRAL).nonzero()[0]
             if len(rows):
-                parameter[rows] = self._project_spiral(
+                parameter[rows], _ = self._project_spiral(
                     target[rows], centre[rows], hint[rows], slack
                 )
         delta = centre - self.point(target, parameter)
@@ -305,23 +365,21 @@ class Sites:
 
     def _project_spiral(
         self, target: IntArray, centre: FloatArray, hint: FloatArray, slack: float
-    ) -> FloatArray:
-        low, high = self.low[target], self.high[target]
-        row = self.bezier[target]
-        ends = [self._spiral(row, end, 0)[0] - centre for end in (low, high)]
+    ) -> tuple[FloatArray, FloatArray]:
+        low, high = self.low.take(target), self.high.take(target)
         parameter = np.minimum(np.maximum(hint, low), high)
         best, distance = parameter.copy(), np.full(len(target), np.inf)
-        active = np.arange(len(target))
+        active, curves = np.arange(len(target)), self.curves(target)
         value, span = parameter, high - low
         least, most, around = low, high, centre
         # Centres of curvature are multiple roots: Newton is linear there and needs its time.
         for _ in range(60):
-            point, first, second = self._spiral(row, value, 2)
+            point, first, second = curves.at(value, 2)
             offset = point - around
             squared = dot(offset, offset)
-            better = (squared < distance[active]).nonzero()[0]
-            which = active[better]
-            best[which], distance[which] = value[better], squared[better]
+            better = (squared < distance.take(active)).nonzero()[0]
+            which = active.take(better)
+            best[which], distance[which] = value.take(better), squared.take(better)
             slope, flat = dot(offset, first), dot(first, first)
             # Beyond the evolute the second derivative is negative: the slope still tells the way.
             curve = np.maximum(np.abs(flat + dot(offset, second)), 1e-9 * flat)
@@ -333,14 +391,38 @@ class Sites:
             stay = (moving & (gain >= 0.2 * slack * np.sqrt(squared))).nonzero()[0]
             if not len(stay):
                 break
-            active, value, span, row = active[stay], new[stay], span[stay], row[stay]
-            least, most, around = least[stay], most[stay], around.take(stay, axis=0)
-        for end, offset in zip((low, high), ends, strict=True):
+            if len(stay) == len(active):
+                value = new
+                continue
+            active, value, span = active.take(stay), new.take(stay), span.take(stay)
+            least, most = least.take(stay), most.take(stay)
+            around, curves = around.take(stay, axis=0), curves.take(stay)
+        for end, place in zip((low, high), self._spiral_ends, strict=True):
+            offset = place.take(target, axis=0) - centre
             squared = dot(offset, offset)
             closer = squared < distance
             best = np.where(closer, end, best)
             distance = np.where(closer, squared, distance)
-        return best
+        return best, np.sqrt(distance)
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Rows of Bezier curves in power form about 1/2: coefficients as in `Sites.polynomial`, or as
+    in `Sites.coefficients` where some are rational."""
+
+    table: FloatArray
+    rational: bool
+
+    def take(self, rows: IntArray) -> Curves:
+        """Rows."""
+        return Curves(self.table.take(rows, axis=0 if self.rational else 2), self.rational)
+
+    def at(self, parameter: FloatArray, order: int) -> list[FloatArray]:
+        """Point and derivatives up to `order` <= 3, (n, 2) each."""
+        if self.rational:
+            return evaluate_rational(self.table, parameter, order)
+        return polynomial(self.table, parameter - 0.5, order)
 
 
 def evaluate_rational(
@@ -388,19 +470,31 @@ def evaluate_rational(
 
 
 def polynomial(table: FloatArray, local: FloatArray, order: int) -> list[FloatArray]:
-    """Horner's rule for value and derivatives (n, 2) of polynomials (2, degree + 1, n)."""
+    """Value and derivatives (n, 2) of polynomials (2, degree + 1, n), by synthetic division."""
+    return [value.T for value in taylor(table, local, order)]
+
+
+def taylor(table: FloatArray, local: FloatArray, order: int) -> list[FloatArray]:
+    """Value and derivatives, (k, n) each, of polynomials (k, degree + 1, n) at n places."""
     degree = table.shape[1] - 1
     values = [table[:, degree]]
     for power in range(degree - 1, -1, -1):
-        step = degree - power
-        if step <= order:
-            values.append(step * values[-1])
-        for index in range(min(order, step - 1), 0, -1):
-            values[index] = values[index] * local + index * values[index - 1]
-        values[0] = values[0] * local + table[:, power]
+        # The remainders of one division after the other are the Taylor coefficients.
+        if len(values) <= order:
+            values.append(values[-1])
+            last = len(values) - 2
+        else:
+            last = order
+        for index in range(last, 0, -1):
+            values[index] = values[index] * local
+            values[index] += values[index - 1]
+        values[0] = values[0] * local
+        values[0] += table[:, power]
+    for index in range(2, len(values)):
+        values[index] = values[index] * factorial(index)
     while len(values) <= order:
         values.append(np.zeros_like(values[0]))
-    return [value.T for value in values]
+    return values
 
 
 def disk_through(chord: FloatArray, normal: FloatArray) -> FloatArray:

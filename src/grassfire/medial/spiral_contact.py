@@ -25,6 +25,7 @@ from grassfire.medial.sites import (
     IntArray,
     Sites,
     evaluate_rational,
+    taylor,
 )
 
 # At flat corners only a sliver next to the end can be touched: the grid crowds towards both ends.
@@ -71,24 +72,25 @@ class Approach(Columns):
 
 
 class _Jet(NamedTuple):
-    """x and h at parameters of the targets, and two derivatives of both, each (n,)."""
+    """x and h at parameters of the targets, and two derivatives of both, each (2, n)."""
 
-    x: FloatArray
-    h: FloatArray
-    first_x: FloatArray
-    first_h: FloatArray
-    second_x: FloatArray
-    second_h: FloatArray
+    value: FloatArray
+    first: FloatArray
+    second: FloatArray
 
 
 class _Chords(Protocol):
-    """Chords from points to targets, in the frames of the points."""
+    """Chords from points to targets, in the frames of the points; heights up to `noise` (n,) are
+    rounding only, and none."""
+
+    @property
+    def noise(self) -> FloatArray: ...
 
     def take(self, rows: IntArray) -> Self:
         """Rows."""
 
-    def at(self, parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """x and h, each (n,)."""
+    def at(self, parameter: FloatArray) -> FloatArray:
+        """x and h, (2, n)."""
 
     def jet(self, parameter: FloatArray) -> _Jet:
         """The same with derivatives."""
@@ -98,6 +100,8 @@ def spiral_contact(
     sites: Sites, approach: Approach, hint: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Parameters and radii (n,) of the smallest disks that reach spirals; see `contact`."""
+    if sites.all_polynomial:
+        return _solve(sites, approach, hint, _PolynomialChords.of(sites, approach))
     rational = sites.rational[sites.bezier[approach.target]]
     if not rational.any():
         return _solve(sites, approach, hint, _PolynomialChords.of(sites, approach))
@@ -126,154 +130,100 @@ def _solve(
 
 
 @dataclass
-class _Close:
-    """Rows of which the chords come from divided differences: their numbers and polynomials.
-
-    With s = t - `start`, x = `x0` + s X(t) and h = `h0` + s H(t), or `h0` + s (`h1` + s H(t))
-    where `twice`.
-    """
-
-    row: IntArray
-    start: FloatArray
-    x0: FloatArray
-    h0: FloatArray
-    h1: FloatArray
-    twice: BoolArray
-    x: FloatArray
-    h: FloatArray
-
-    def take(self, rows: IntArray, count: int) -> _Close:
-        place = np.full(count, -1)
-        place[self.row] = np.arange(len(self.row))
-        place = place[rows]
-        kept = (place >= 0).nonzero()[0]
-        place = place[kept]
-        return _Close(
-            kept, self.start[place], self.x0[place], self.h0[place], self.h1[place],
-            self.twice[place],
-            self.x.take(place, axis=1), self.h.take(place, axis=1),
-        )  # fmt: skip
-
-    def put(self, parameter: FloatArray, x: FloatArray, h: FloatArray) -> None:
-        """Overwrite x and h of these rows."""
-        local = parameter[self.row]
-        step = local - self.start
-        local = local - 0.5
-        along, across = self.x[-1], self.h[-1]
-        for power in range(len(self.x) - 2, -1, -1):
-            along = along * local + self.x[power]
-            across = across * local + self.h[power]
-        x[self.row] = self.x0 + step * along
-        h[self.row] = self.h0 + step * (self.h1 + np.where(self.twice, step, 1.0) * across)
-
-
-@dataclass
 class _PolynomialChords:
-    """Chords to polynomial curves, whose x and h are polynomials (degree + 1, n)."""
+    """Chords to polynomial curves: x and h, (2, degree + 1, n), in powers of t - `centre` (n,)."""
 
-    noise: float
-    x: FloatArray
-    h: FloatArray
-    close: _Close | None
+    noise: FloatArray
+    centre: FloatArray
+    table: FloatArray
 
     @classmethod
     def of(cls, sites: Sites, approach: Approach) -> _PolynomialChords:
         """Chords of an approach."""
-        curve = sites.polynomial.take(sites.bezier[approach.target], axis=2)
-        (nx, ny), (px, py) = approach.normal.T, approach.position.T
-        close = _close(approach, curve)
-        curve_x, curve_y = curve[0], curve[1]
-        curve_x[0] -= px
-        curve_y[0] -= py
-        x, h = ny * curve_x - nx * curve_y, nx * curve_x + ny * curve_y
-        return cls(4e-15 * sites.size, x, h, close)
+        curve = sites.polynomial.take(sites.bezier.take(approach.target), axis=2)
+        nx, ny = approach.normal.T
+        close = (approach.same | approach.adjacent).nonzero()[0]
+        about = _expansions(approach.take(close), curve.take(close, axis=2))
+        curve[:, 0] -= approach.position.T
+        table = np.empty_like(curve)
+        np.subtract(ny * curve[0], nx * curve[1], out=table[0])
+        np.add(nx * curve[0], ny * curve[1], out=table[1])
+        centre, noise = np.full(len(nx), 0.5), np.full(len(nx), 4e-15 * sites.size)
+        centre[close], table[:, :, close] = about
+        noise[close] = 0.0
+        return cls(noise, centre, table)
 
     def take(self, rows: IntArray) -> _PolynomialChords:
         """Rows."""
-        close = self.close.take(rows, self.x.shape[1]) if self.close else None
-        return _PolynomialChords(
-            self.noise, self.x.take(rows, axis=1), self.h.take(rows, axis=1), close
-        )
+        table = self.table.take(rows, axis=2)
+        return _PolynomialChords(self.noise.take(rows), self.centre.take(rows), table)
 
-    def _placed(self, parameter: FloatArray, x: FloatArray, h: FloatArray) -> None:
-        # Heights that are rounding only are none.
-        h[np.abs(h) <= self.noise] = 0.0
-        if self.close:
-            self.close.put(parameter, x, h)
-
-    def at(self, parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """x and h, each (n,)."""
-        local = parameter - 0.5
-        x, h = self.x[-1], self.h[-1]
-        for power in range(len(self.x) - 2, -1, -1):
-            x = x * local + self.x[power]
-            h = h * local + self.h[power]
-        self._placed(parameter, x, h)
-        return x, h
+    def at(self, parameter: FloatArray) -> FloatArray:
+        """x and h, (2, n)."""
+        return taylor(self.table, parameter - self.centre, 0)[0]
 
     def jet(self, parameter: FloatArray) -> _Jet:
         """The same with derivatives."""
-        local = parameter - 0.5
-        columns: list[FloatArray] = []
-        for table in (self.x, self.h):
-            value, first, second = table[-1], np.zeros(1), np.zeros(1)
-            for power in range(len(table) - 2, -1, -1):
-                second = second * local + first
-                first = first * local + value
-                value = value * local + table[power]
-            columns.extend((value, first, 2.0 * second))
-        x, first_x, second_x, h, first_h, second_h = columns
-        self._placed(parameter, x, h)
-        return _Jet(x, h, first_x, first_h, second_x, second_h)
+        return _Jet(*taylor(self.table, parameter - self.centre, 2))
 
 
-def _close(approach: Approach, curve: FloatArray) -> _Close | None:
-    """Rows on one curve with their target, or next to it; `curve` (2, degree + 1, n)."""
-    rows = (approach.same | approach.adjacent).nonzero()[0]
-    if not len(rows):
-        return None
-    adjacent, sine = approach.adjacent[rows], approach.sine[rows]
-    # Where the boundary passes smoothly from curve to curve its direction there tells all.
-    passing = adjacent & (sine == sine)
-    twice = ~adjacent | passing
-    start = np.where(adjacent, approach.end[rows], approach.own[rows])
-    once = _quotient(curve.take(rows, axis=2), start - 0.5)
-    again = np.zeros_like(once)
-    again[:, :-1] = _quotient(once, start - 0.5)
-    nx, ny = approach.normal[rows].T
-    base = -approach.relative[rows]
-    x = ny * once[0] - nx * once[1]
-    lifted = np.where(twice, again, once)
-    h = nx * lifted[0] + ny * lifted[1]
-    x0 = np.where(adjacent, ny * base[:, 0] - nx * base[:, 1], 0.0)
-    h0 = np.where(adjacent, approach.rise[rows], 0.0)
-    h1 = np.zeros(len(rows))
-    if passing.any():
-        local = start - 0.5
-        along = once[:, -1]
-        for power in range(once.shape[1] - 2, -1, -1):
-            along = along * local + once[:, power]
-        h1 = np.where(passing, sine * np.hypot(along[0], along[1]), 0.0)
-    return _Close(rows, start, x0, h0, h1, twice, x, h)
+def _expansions(approach: Approach, curve: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Parameters (n,), and x and h (2, degree + 1, n) in powers about them, for targets on the
+    curve (2, degree + 1, n) of the point, or on one next to it.
+
+    There the lowest coefficients are known, and nothing cancels.
+    """
+    adjacent, sine = approach.adjacent, approach.sine
+    about = np.where(adjacent, approach.end, approach.own)
+    curve = recentred(curve, about - 0.5)
+    nx, ny = approach.normal.T
+    px, py = np.where(adjacent, approach.relative.T, 0.0)
+    table = np.stack([ny * curve[0] - nx * curve[1], nx * curve[0] + ny * curve[1]])
+    table[0, 0], table[1, 0] = nx * py - ny * px, np.where(adjacent, approach.rise, 0.0)
+    if table.shape[1] > 1:
+        # Where the boundary passes smoothly from curve to curve its direction there tells all.
+        passing = adjacent & (sine == sine)
+        lean = np.where(passing, sine * np.hypot(curve[0, 1], curve[1, 1]), 0.0)
+        table[1, 1] = np.where(passing | ~adjacent, lean, table[1, 1])
+    return about, table
 
 
-def _quotient(curve: FloatArray, place: FloatArray) -> FloatArray:
-    """Polynomials (c(t) - c(a)) / (t - a), (2, degree, n), by Horner's rule."""
-    result = np.empty((2, max(curve.shape[1] - 1, 1), curve.shape[2]))
-    if curve.shape[1] == 1:
-        result[:] = 0.0
-        return result
-    result[:, -1] = curve[:, -1]
-    for power in range(curve.shape[1] - 2, 0, -1):
-        result[:, power - 1] = curve[:, power] + place * result[:, power]
+def recentred(curve: FloatArray, place: FloatArray) -> FloatArray:
+    """Polynomials (2, degree + 1, n) in powers of t - a, from those in powers of t."""
+    result = curve.copy()
+    count = curve.shape[1]
+    for last in range(count - 1):
+        for power in range(count - 2, last - 1, -1):
+            result[:, power] += place * result[:, power + 1]
     return result
+
+
+def turned_differences(
+    curve: FloatArray, place: FloatArray, step: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """c[a, b], c[a, a, b], c'[a, b] and c'(b), (n, 2) each, for b = a + step.
+
+    Parameters
+    ----------
+    curve : (2, degree + 1, n) float array
+        Polynomials in powers of t.
+    place, step : (n,) float arrays
+    """
+    curve = recentred(curve, place)
+    count = curve.shape[1]
+    two, bend = np.zeros((2, 2, len(step)))
+    for power in range(count - 1, 1, -1):
+        two = two * step + curve[:, power]
+        bend = bend * step + power * curve[:, power]
+    slope = curve[:, 1] if count > 1 else np.zeros_like(two)
+    return (slope + step * two).T, two.T, bend.T, (slope + step * bend).T
 
 
 @dataclass
 class _RationalChords:
     """Chords to rational curves, `table` (n, degree + 1, 3) in homogeneous power form."""
 
-    noise: float
+    noise: FloatArray
     approach: Approach
     table: FloatArray
 
@@ -281,20 +231,20 @@ class _RationalChords:
     def of(cls, sites: Sites, approach: Approach) -> _RationalChords:
         """Chords of an approach."""
         table = sites.coefficients[sites.bezier[approach.target]]
-        return cls(4e-15 * sites.size, approach, table)
+        close = approach.same | approach.adjacent
+        return cls(np.where(close, 0.0, 4e-15 * sites.size), approach, table)
 
     def take(self, rows: IntArray) -> _RationalChords:
         """Rows."""
-        return _RationalChords(self.noise, self.approach.take(rows), self.table[rows])
+        return _RationalChords(self.noise[rows], self.approach.take(rows), self.table[rows])
 
-    def _rotated(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _rotated(self, vector: FloatArray) -> FloatArray:
         (nx, ny), (x, y) = self.approach.normal.T, vector.T
-        return ny * x - nx * y, nx * x + ny * y
+        return np.stack([ny * x - nx * y, nx * x + ny * y])
 
-    def _chord(self, parameter: FloatArray, point: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _chord(self, parameter: FloatArray, point: FloatArray) -> FloatArray:
         approach = self.approach
-        x, h = self._rotated(point - approach.position)
-        h[np.abs(h) <= self.noise] = 0.0
+        chord = self._rotated(point - approach.position)
         same = approach.same & ~approach.adjacent
         for rows, start in (
             (same.nonzero()[0], approach.own),
@@ -302,7 +252,7 @@ class _RationalChords:
         ):
             if not len(rows):
                 continue
-            part = _RationalChords(self.noise, approach.take(rows), self.table[rows])
+            part = self.take(rows)
             first, last = start[rows], parameter[rows]
             one, two, weight = divided_differences(part.table, first, last)
             origin = evaluate_rational(part.table, first, 0)[0]
@@ -310,21 +260,21 @@ class _RationalChords:
             along, lifted = part._rotated(_lowered(one, origin, weight))
             if start is approach.own:
                 _, lifted = part._rotated(_lowered(two, origin, weight))
-                x[rows], h[rows] = step * along, step**2 * lifted
+                chord[:, rows] = step * along, step**2 * lifted
             else:
                 back, _ = part._rotated(part.approach.relative)
-                x[rows], h[rows] = step * along - back, step * lifted + part.approach.rise
-        return x, h
+                chord[:, rows] = step * along - back, step * lifted + part.approach.rise
+        return chord
 
-    def at(self, parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """x and h, each (n,)."""
+    def at(self, parameter: FloatArray) -> FloatArray:
+        """x and h, (2, n)."""
         return self._chord(parameter, evaluate_rational(self.table, parameter, 0)[0])
 
     def jet(self, parameter: FloatArray) -> _Jet:
         """The same with derivatives."""
         point, first, second = evaluate_rational(self.table, parameter, 2)
-        (first_x, first_h), (second_x, second_h) = self._rotated(first), self._rotated(second)
-        return _Jet(*self._chord(parameter, point), first_x, first_h, second_x, second_h)
+        chord = self._chord(parameter, point)
+        return _Jet(chord, self._rotated(first), self._rotated(second))
 
 
 def divided_differences(
@@ -349,22 +299,6 @@ def divided_differences(
     return one, two, weight
 
 
-def turned_differences(
-    curve: FloatArray, first: FloatArray, second: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """c'[a, b] and c'(b) (n, 2) of polynomials (2, degree + 1, n) in powers about 1/2."""
-    powers = np.arange(1.0, curve.shape[1])
-    slope = powers[:, None] * curve[:, 1:]
-    a, b = first - 0.5, second - 0.5
-    change = _quotient(slope, a)
-    direction, bend = slope[:, -1], change[:, -1]
-    for power in range(slope.shape[1] - 2, -1, -1):
-        direction = direction * b + slope[:, power]
-    for power in range(change.shape[1] - 2, -1, -1):
-        bend = bend * b + change[:, power]
-    return bend.T, direction.T
-
-
 def _lowered(difference: FloatArray, position: FloatArray, weight: FloatArray) -> FloatArray:
     """Divided difference of the curve from that of its homogeneous form."""
     return np.asarray((difference[:, :2] - position * difference[:, 2:]) / weight[:, None])
@@ -381,19 +315,19 @@ def lowered_differences(
 # -- minimum of (A) -------------------------------------------------------------------------------
 
 
-def disk_radius(x: FloatArray, h: FloatArray) -> FloatArray:
+def _radius(chord: FloatArray, noise: FloatArray) -> FloatArray:
     """(A); infinite where no disk reaches the point. Division by zero is the caller's to allow."""
-    radius = (x * x + h * h) / (2 * h)
-    return np.where((h > 0) & (radius < np.inf), radius, np.inf)
+    x, h = chord
+    return np.where(h > noise, (x * x + h * h) / (2 * h), np.inf)
 
 
 def _slopes(jet: _Jet, radius: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """g, its derivative at a fixed radius, and h r''."""
-    x, h, first_x, first_h, second_x, second_h = jet
-    towards = h - radius
-    slope = x * first_x + towards * first_h
-    curve = first_x * first_x + first_h * first_h + x * second_x + towards * second_h
-    return slope, curve, curve - 2 * slope * first_h / h
+    towards = jet.value.copy()
+    towards[1] -= radius
+    slope, curve = towards * jet.first, jet.first * jet.first + towards * jet.second
+    slope, curve = slope[0] + slope[1], curve[0] + curve[1]
+    return slope, curve, curve - 2 * slope * jet.first[1] / jet.value[1]
 
 
 def _newton(
@@ -401,64 +335,62 @@ def _newton(
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Newton steps from the hints: contact, radius, and whether they may be believed.
 
-    An end of the target is a contact where (A) rises into the target. The radius must not exceed
+    An end of the target is a contact where (A) rises into the target. The radius must never exceed
     that of the hint.
     """
     count = len(hint)
     parameter, radius = hint.copy(), np.full(count, np.inf)
     good = np.zeros(count, dtype=bool)
     rows = (hint == hint).nonzero()[0]
+    fixed = np.stack([low, high, high - low, np.full(count, np.inf)])
     if len(rows) < count:
-        chords, low, high = chords.take(rows), low[rows], high[rows]
-    value = np.minimum(np.maximum(hint[rows], low), high)
-    span = high - low
-    before, limit = span, np.zeros(0)
+        chords, fixed = chords.take(rows), fixed.take(rows, axis=1)
+    value = np.minimum(np.maximum(hint.take(rows), fixed[0]), fixed[1])
+    before = np.ones(len(rows))
     for number in range(_STEPS):
         if not len(rows):
             break
+        low, high, span, limit = fixed
         jet = chords.jet(value)
-        rho = disk_radius(jet.x, jet.h)
+        rho = _radius(jet.value, chords.noise)
         if number == 0:
-            limit = rho * (1 + 1e-9)
+            limit[:] = np.where(rho < np.inf, rho * (1 + 1e-9), -np.inf)
         slope, curve, steep = _slopes(jet, rho)
         step = -slope / np.where(steep > 0.1 * curve, steep, curve)
         step = np.where(curve > 0, step, -0.3 * np.sign(slope) * span)
-        reached = np.isfinite(step) & (rho < np.inf)
-        new = np.minimum(np.maximum(value + np.where(reached, step, 0.0), low), high)
+        new = np.minimum(np.maximum(value + step, low), high)
         step = new - value
-        moved = np.abs(step)
-        done = _settled(moved, before, span, slope * step, rho * jet.h) | ~reached
+        moved = np.abs(step) / span
+        height, lower = jet.value[1], rho <= limit
+        done = _settled(moved, before, slope * step, rho * height) | ~lower
         if done.any():
             # Two terms of the Taylor series of (A) for the step that is made without it.
-            last = rho + step * (slope + 0.5 * step * steep) / jet.h
+            last = np.where(moved > 0, rho + step * (slope + 0.5 * step * steep) / height, rho)
             ended, stay = done.nonzero()[0], (~done).nonzero()[0]
-            which = rows[ended]
-            parameter[which] = new[ended]
-            radius[which] = np.where(moved > 0, last, rho)[ended]
-            good[which] = (reached & (rho <= limit))[ended]
-            rows, value, before, limit = rows[stay], new[stay], moved[stay], limit[stay]
-            low, high, span = low[stay], high[stay], span[stay]
-            chords = chords.take(stay) if len(stay) else chords
+            which = rows.take(ended)
+            parameter[which], radius[which] = new.take(ended), last.take(ended)
+            good[which] = lower.take(ended)
+            rows, value, before = rows.take(stay), new.take(stay), moved.take(stay)
+            fixed, chords = fixed.take(stay, axis=1), chords.take(stay)
         else:
             value, before = new, moved
     return parameter, radius, good
 
 
 def _settled(
-    moved: FloatArray, before: FloatArray, span: FloatArray, change: FloatArray, scale: FloatArray
+    moved: FloatArray, before: FloatArray, change: FloatArray, scale: FloatArray
 ) -> BoolArray:
-    """Whether steps that `moved` so far, after those of `before`, are the last ones needed.
+    """Whether steps that `moved` so far, after those of `before`, are the last ones needed; both as
+    shares of the target.
 
     Where the convergence is quadratic the next step would be shorter by the square of the ratio of
     these two. Where it is slow, as about osculating disks, (A) is flat and settled: by the step it
     changes by `change` of `scale`.
     """
     ratio = moved / before
-    done = (moved <= 1e-13 * span) | (
-        (ratio <= 0.03) & (moved <= 1e-6 * span) & (moved * ratio * ratio <= 1e-13 * span)
-    )
-    slow = (ratio > 0.1) & ((moved <= 1e-8 * span) | (np.abs(change) <= 1e-15 * scale))
-    return done | slow
+    done = (ratio <= 0.03) & (moved <= 1e-6) & (moved * ratio * ratio <= 1e-13)
+    slow = (ratio > 0.1) & ((moved <= 1e-8) | (np.abs(change) <= 1e-15 * scale))
+    return done | slow | (moved <= 1e-13)
 
 
 def _bracketed(chords: _Chords, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -466,7 +398,8 @@ def _bracketed(chords: _Chords, low: FloatArray, high: FloatArray) -> tuple[Floa
     grid[:, -1] = high
     count, width = grid.shape
     rows = np.arange(count)
-    rho = disk_radius(*chords.take(np.repeat(rows, width)).at(grid.ravel())).reshape(count, width)
+    every = chords.take(np.repeat(rows, width))
+    rho = _radius(every.at(grid.ravel()), every.noise).reshape(count, width)
     best = np.argmin(rho, axis=1)
     left = grid[rows, np.maximum(best - 1, 0)]
     right = grid[rows, np.minimum(best + 1, width - 1)]
@@ -480,7 +413,7 @@ def _bracketed(chords: _Chords, low: FloatArray, high: FloatArray) -> tuple[Floa
             break
         value = parameter[active]
         jet = part.jet(value)
-        rho = disk_radius(jet.x, jet.h)
+        rho = _radius(jet.value, part.noise)
         slope, curve, steep = _slopes(jet, rho)
         # Where no disk exists the minimum lies towards the best sample.
         reached = rho < np.inf
@@ -491,7 +424,7 @@ def _bracketed(chords: _Chords, low: FloatArray, high: FloatArray) -> tuple[Floa
         inside = (new >= left) & (new <= right) & (curve > 0) & reached
         new = np.where(inside, new, 0.5 * (left + right))
         moved = np.abs(new - value)
-        settled = np.abs(slope * (new - value)) <= 1e-15 * rho * jet.h
+        settled = np.abs(slope * (new - value)) <= 1e-15 * rho * jet.value[1]
         done = (moved <= 1e-13 * span) | (settled & (moved > 0.1 * before))
         parameter[active] = new
         stay = (~done).nonzero()[0]
@@ -499,7 +432,7 @@ def _bracketed(chords: _Chords, low: FloatArray, high: FloatArray) -> tuple[Floa
             active, part, span = active[stay], part.take(stay), span[stay]
             left, right, moved = left[stay], right[stay], moved[stay]
         before = moved
-    final = disk_radius(*chords.at(parameter))
+    final = _radius(chords.at(parameter), chords.noise)
     # Radii are flat about the contact: a sample that is lower by rounding is not nearer to it.
     worse = ~(final <= sampled * (1 + 1e-10))
     return np.where(worse, sample, parameter), np.where(worse, sampled, final)

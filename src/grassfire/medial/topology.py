@@ -322,22 +322,20 @@ class Topology:
     def resolve(self, rounds: int = 80) -> None:
         """Solve all changes of partner between neighbouring nodes, until none is left open.
 
-        Only sites that got nodes in a round are looked at in the next.
+        Only sites that got nodes in a round are looked at in the next: what is open is so between
+        nodes of one site.
         """
-        dirty = np.ones(len(self.sites), dtype=bool)
+        part = self.nodes
         for turn in range(rounds):
-            mine = dirty[self.nodes.site]
-            part = self._sorted(self.nodes.take(mine))
+            part = self._sorted(part)
             rows = self._open(part)
-            if not len(rows) and dirty.all():
-                break
             if not len(rows):
-                dirty[:] = True
-                continue
+                break
             added = Nodes.join(*self._solve(part, rows, turn < _PATIENCE))
             self.nodes = Nodes.join(self.nodes, added)
             dirty = np.zeros(len(self.sites), dtype=bool)
             dirty[added.site] = True
+            part = self.nodes.take(dirty[self.nodes.site])
         else:
             place = added.centre[0] + self.sites.origin
             raise GeometryError("the contacts of the boundary do not settle", place=tuple(place))
@@ -346,8 +344,8 @@ class Topology:
     def _sorted(self, nodes: Nodes) -> Nodes:
         """Order by site and parameter; own ends of a site come outermost among equals."""
         at_low = nodes.parameter <= self.sites.low[nodes.site]
-        outermost = np.where(nodes.own, np.where(at_low, -1, 1), 0)
-        return nodes.take(np.lexsort((outermost, nodes.parameter, nodes.site)))
+        place = np.where(nodes.own, np.where(at_low, -np.inf, np.inf), nodes.parameter)
+        return nodes.take(np.lexsort((place, nodes.site)))
 
     def _gaps(self, nodes: Nodes) -> tuple[IntArray, IntArray]:
         """Stretches between groups of nodes that are one point: row before each, and its partner.
@@ -359,9 +357,10 @@ class Topology:
         gap = np.diff(nodes.parameter) * speed
         wide = gap > self.snap
         # Contacts beside a curvature maximum are known to few digits, their disks to all.
-        moved = np.abs(np.diff(nodes.centre, axis=0)).max(axis=1, initial=0.0)
-        moved = np.maximum(moved, np.abs(np.diff(nodes.radius)))
-        wide &= (moved > self.cluster) | (gap > self.cluster)
+        far = gap > self.cluster
+        for column in (*nodes.centre.T, nodes.radius):
+            far |= np.abs(np.diff(column)) > self.cluster
+        wide &= far
         same = nodes.site[1:] == nodes.site[:-1]
         rows = np.flatnonzero(same & wide)
         group = np.concatenate([[0], np.cumsum(~same | wide)])
@@ -400,7 +399,7 @@ class Topology:
             raise GeometryError("a contact arc is interrupted", place=tuple(place))
         guess = self.branches.guess(nodes, rows, one, other)
         disks = self.branches.disks(guess)
-        empty, third, where_third = self.branches.empty(disks)
+        empty, third, where_third = self.branches.empty(guess.triple, disks)
         closed = disks.good & empty
         parts: list[Nodes] = []
         found, triple = [disks.take(closed)], [guess.triple[closed]]
@@ -408,7 +407,8 @@ class Topology:
             inner = np.flatnonzero(~closed & (third >= 0))
             between = guess.through(inner, disks, third, where_third)
             both = self.branches.disks(between)
-            good = both.good & (np.abs(both.determinant) > _SHARP) & self.branches.empty(both)[0]
+            good = both.good & (np.abs(both.determinant) > _SHARP)
+            good &= self.branches.empty(between.triple, both)[0]
             found.append(both.take(good))
             triple.append(between.triple[good])
             closed[inner[np.flatnonzero(good) % max(len(inner), 1)]] = True

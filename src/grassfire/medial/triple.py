@@ -16,6 +16,7 @@ from grassfire.medial.sites import (
     dot,
     polynomial,
 )
+from grassfire.medial.tritangent import newton_step, plain_disks
 
 _STEPS = 16
 """Most steps; a good start needs 5."""
@@ -55,7 +56,7 @@ def triple_disks(
     One step solves d_k + g_k . dc = r + dr for the move of the centre, where d_k are the signed
     distances and g_k their gradients: to lines, arcs and points themselves, to spirals from their
     tangents at the last parameters, which then follow the centre. That is Newton's method in all
-    unknowns together.
+    unknowns together. Lines and points alone have closed forms (see `tritangent`).
 
     Parameters
     ----------
@@ -66,6 +67,22 @@ def triple_disks(
     parameter : (n, 3) float array
         Guesses; parameters matter for spirals only.
     """
+    if not sites.curved:
+        centre, radius, found, good, determinant = plain_disks(sites, triple, centre, radius)
+    else:
+        centre, radius, found, good, determinant = _by_newton(
+            sites, triple, centre, radius, parameter
+        )
+    low, high = sites.low[triple], sites.high[triple]
+    margin = 1e-11 * (high - low)
+    held = np.all((found >= low - margin) & (found <= high + margin), axis=1)
+    return TripleDisks(centre, radius, np.clip(found, low, high), good, good & held, determinant)
+
+
+def _by_newton(
+    sites: Sites, triple: IntArray, centre: FloatArray, radius: FloatArray, parameter: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray, FloatArray]:
+    """Centres, radii, parameters (n, 3), whether they settled, and determinants."""
     count = len(triple)
     centre, radius = centre.copy(), radius.copy()
     flat, determinant = triple.ravel(), np.zeros(count)
@@ -77,7 +94,10 @@ def triple_disks(
         if not len(rows):
             break
         away, gradient = feet.distances(np.repeat(centre[rows], 3, axis=0))
-        shift, jump, determinant[rows] = _solve(gradient.reshape(-1, 3, 2), away.reshape(-1, 3))
+        shift, jump, determinant[rows] = newton_step(
+            gradient.reshape(-1, 3, 2).transpose(2, 1, 0), away.reshape(-1, 3).T
+        )
+        shift = shift.T
         reach = np.hypot(shift[:, 0], shift[:, 1])
         usable = np.isfinite(reach) & np.isfinite(jump) & (reach < 2 * sites.size)
         slip = feet.follow(np.repeat(np.where(usable[:, None], shift, 0.0), 3, axis=0))
@@ -98,12 +118,7 @@ def triple_disks(
         if len(stay) < len(rows):
             rows = rows[stay]
             feet = feet.take((3 * stay[:, None] + np.arange(3)).ravel())
-    low, high = sites.low[flat].reshape(-1, 3), sites.high[flat].reshape(-1, 3)
-    margin = 1e-11 * (high - low)
-    found = found.reshape(-1, 3)
-    held = np.all((found >= low - margin) & (found <= high + margin), axis=1)
-    good &= radius > 0
-    return TripleDisks(centre, radius, np.clip(found, low, high), good, good & held, determinant)
+    return centre, radius, found.reshape(-1, 3), good & (radius > 0), determinant
 
 
 @dataclass(frozen=True)
@@ -178,7 +193,7 @@ class _Feet:
         """Feet on sites, at a guess."""
         spiral = (sites.kind[site] == SiteKind.SPIRAL).nonzero()[0]
         curve = None
-        if len(spiral) and not sites.rational.any():
+        if len(spiral) and sites.all_polynomial:
             curve = sites.polynomial.take(sites.bezier[site[spiral]], axis=2)
         return cls(sites, site, parameter.copy(), spiral, curve)
 
@@ -279,15 +294,3 @@ class _Feet:
         delta = np.remainder(angle - (start + turn / 2) + np.pi, 2 * np.pi) - np.pi
         self.parameter[rows] = 0.5 + delta / turn
         return distance, offset / np.maximum(distance, 1e-300)[:, None]
-
-
-def _solve(gradient: FloatArray, away: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Move of the centre (n, 2), new radius (n,), determinant of g_k . dc - r = -d_k, k = 1 2 3."""
-    one, two = gradient[:, 1] - gradient[:, 0], gradient[:, 2] - gradient[:, 0]
-    b1, b2 = away[:, 0] - away[:, 1], away[:, 0] - away[:, 2]
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        determinant = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
-        x = (b1 * two[:, 1] - b2 * one[:, 1]) / determinant
-        y = (one[:, 0] * b2 - two[:, 0] * b1) / determinant
-        step = np.stack([x, y], axis=1)
-        return step, away[:, 0] + np.einsum("ij,ij->i", gradient[:, 0], step), determinant
