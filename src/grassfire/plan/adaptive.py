@@ -78,6 +78,9 @@ LIGHT = 0.28
 LAP = 0.5
 """Room that the first lap round the helix takes, as a part of the tool radius."""
 
+INSIDE = 1e-6
+"""How far the rim at an end of a cut is inside what it swept to be no edge, in tool radii."""
+
 LANDINGS = 40
 """Cleared places that are tried for coming down near the start of a cut."""
 
@@ -593,6 +596,10 @@ class AdaptivePocket:
         """Edges of the stock that a cut leaves, the rim about its end included."""
         edge, piece = sense.edge(cut.points, self._rimmed)
         last = len(cut.room) - 1
+        # what lies in the swept area, however little, would go beside the edge, not on along it
+        rim = ((piece < 0) | (piece == last)).nonzero()[0]
+        inner = rim[reached(own, edge.take(rim, axis=0), self._radius * (1 - INSIDE))]
+        edge, piece = np.delete(edge, inner, axis=0), np.delete(piece, inner)
         low = cut.room.take(np.maximum(piece, 0))
         high = cut.room.take(np.minimum(piece + 1, last))
         stock = (piece < 0) | (piece == last) | (low > 0) | (high > 0)
