@@ -355,7 +355,9 @@ class AdaptivePocket:
         stock = self._walls.clearance(front) > WALL_SKIN * self._radius
         outwards = front[0] - self._radius * unit(FIRST_BITE[0]) - centre
         start = centre + helix * outwards / np.hypot(*outwards)
-        way = entry.helix(centre, start, self._settings.drop, self._settings.slope, 1)
+        light = math.atan(LIGHT * self._settings.step / (2 * math.pi * helix))
+        slope = min(self._settings.slope, light)
+        way = entry.helix(centre, start, self._settings.drop, slope, 1)
         self._stroke(StrokeKind.DESCEND, way.down, Role.ENTRY)
         self._stroke(StrokeKind.FEED, way.flat, Role.ENTRY)
         self._cleared.add(centre + helix * unit(angle[:-1]))
