@@ -277,12 +277,15 @@ class AdaptivePocket:
     def _cut_corners(
         self, corners: list[tuple[int, int]], place: FloatArray, heading: float, hop: bool
     ) -> tuple[FloatArray, float, bool]:
-        """Cut along stretches of the walls; returns place and heading, and if all were reached.
+        """Cut along stretches of the walls, the nearest next; place and heading, and if all were
+        reached.
 
         `hop` says whether those that no way leads to are come down on.
         """
-        whole = True
-        for low, high in corners:
+        whole, rest = True, list(corners)
+        while rest:
+            low, high = min(rest, key=lambda ends: math.dist(place, self._walls.points[ends[0]]))
+            rest.remove((low, high))
             start = Start(low, self._walls.points[low], float(self._walls.heading[low]))
             link = self._returns.way(place, heading, start)
             if link is not None:
