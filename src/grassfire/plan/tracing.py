@@ -60,8 +60,9 @@ MOST_CHANGES = 2000
 """Changes between wall and open in one cut: more are a fault."""
 
 
-BITE, MOST_TURN = 1 / 60, np.radians(6.0)
-"""Advance of the tool from tooth to tooth as a part of its radius; most that it may turn."""
+BITE, MOST_TURN = 1 / 38, np.radians(10.0)
+"""Advance of the tool from tooth to tooth as a part of its radius, samples of fronts allowed for;
+most that it may turn."""
 
 Near = Callable[[FloatArray, float], BoolArray]
 """Which places (n, 2) have stock of other fronts nearer than a distance, mm."""
