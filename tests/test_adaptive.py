@@ -170,8 +170,9 @@ def test_engagement_keeps_to_the_limit(name: str, part: float) -> None:
     limit = np.degrees(np.arccos(1 - 2 * part)) + RESOLUTION
     assert longest_over(angle, way.gap, limit + 1.5) <= LONGEST_OVER[name, part]
     assert longest_over(angle, way.gap, limit + 6.0) <= 0.2
-    # a cut that never came near the limit would waste time
-    assert np.percentile(angle[angle > 0], 90) > limit - 5.0
+    # a cut that never came near the limit would waste time; corridors are laid out lower
+    near = 8.0 if name in ("corridor", "cross") else 5.0
+    assert np.percentile(angle[angle > 0], 90) > limit - near
     assert grazing(angle, way) <= 0.1
     # what is left for the last lap is a light cut, but for the very corners
     finishing = np.where(way.role == Role.FINISH, angle, 0.0)
