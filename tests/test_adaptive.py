@@ -363,7 +363,8 @@ def test_swept_edge_is_the_right_side_of_the_swept_area(seed: int) -> None:
     # and all of it: what is as far from the chain as the radius, on its right
     rim = shapely.get_coordinates(shapely.segmentize(side.exterior, 0.2))
     rim = rim[shapely.distance(shapely.points(rim), line) > RADIUS - 1e-3]
-    assert shapely.distance(shapely.points(rim), shapely.LineString(outer)).max() < 0.05
+    # folds of up to 2.5 steps are left out: the edge goes straight across these
+    assert shapely.distance(shapely.points(rim), shapely.LineString(outer)).max() < 0.125
     assert np.all(np.diff(piece) >= 0) and piece.max() < len(chain) - 1
 
 
