@@ -15,7 +15,14 @@ import numpy as np
 from grassfire.geometry.chebyshev import bernstein
 from grassfire.medial.edges import NODES, Span
 from grassfire.medial.interpolants import Interpolants, deviation_limit
-from grassfire.medial.sites import BoolArray, FloatArray, SiteKind, Sites, dot
+from grassfire.medial.sites import (
+    BoolArray,
+    FloatArray,
+    SiteKind,
+    Sites,
+    dot,
+    share_of_turn,
+)
 
 _QUARTERS = np.array([0.25, 0.5, 0.75])
 _HALVES = bernstein(2, NODES)
@@ -89,7 +96,7 @@ def _parabola(sites: Sites, span: Span) -> FloatArray:
     """(k, 3, 3) disks at the quarters between; not finite where corners lie behind their lines."""
     start, along = sites.anchor[span.site], sites.extent[span.site]
     normal, apart = sites.inward[span.site], sites.anchor[span.partner] - start
-    length = np.hypot(along[:, 0], along[:, 1])
+    length = sites.length[span.site]
     height = dot(normal, apart)[:, None]
     at = span.start[:, None] + (span.end - span.start)[:, None] * _QUARTERS
     reach = at * length[:, None] - (dot(along, apart) / length)[:, None]
@@ -109,7 +116,6 @@ def _turns(sites: Sites, span: Span, table: FloatArray) -> FloatArray:
         table[..., axis] @ _HALVES.T - sites.anchor[span.partner, axis, None] for axis in (0, 1)
     )
     start, turn = sites.extent[span.partner].T[..., None]
-    delta = np.remainder(np.arctan2(y, x) - (start + turn / 2) + np.pi, 2 * np.pi) - np.pi
-    facing = np.clip(0.5 + delta / turn, 0.0, 1.0)
+    facing = np.clip(share_of_turn(np.arctan2(y, x), start, turn), 0.0, 1.0)
     facing[:, 0], facing[:, -1] = span.facing_start, span.facing_end
     return np.asarray(facing)

@@ -21,6 +21,7 @@ from grassfire.medial.sites import (
     Sites,
     disk_through,
     dot,
+    share_of_turn,
 )
 from grassfire.medial.spiral_contact import (
     Approach,
@@ -253,9 +254,7 @@ def _arc(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
     radius = np.where(valid, radius, np.inf)
     towards = offset + np.where(valid, radius, 0.0)[:, None] * normal
     angle = np.arctan2(towards[:, 1], towards[:, 0])
-    # Angle past the middle in the direction of the sweep, cut opposite to it.
-    delta = np.remainder(angle - (start + sweep / 2) + np.pi, 2 * np.pi) - np.pi
-    parameter = np.where(valid, 0.5 + delta / sweep, np.nan)
+    parameter = np.where(valid, share_of_turn(angle, start, sweep), np.nan)
     return _clip(sites, near, parameter, radius)
 
 
@@ -269,8 +268,7 @@ def _point(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
     direction = centre - sites.anchor[target]
     start, turn = sites.extent[target].T
     angle = np.arctan2(direction[:, 1], direction[:, 0])
-    delta = np.remainder(angle - (start + turn / 2) + np.pi, 2 * np.pi) - np.pi
-    parameter = np.clip(0.5 + delta / turn, 0.0, 1.0)
+    parameter = np.clip(share_of_turn(angle, start, turn), 0.0, 1.0)
     return np.where(finite, parameter, np.nan), radius
 
 

@@ -360,8 +360,7 @@ class Sites:
         start, sweep = self.extent[target].T
         offset = centre - self.anchor[target]
         angle = np.arctan2(offset[:, 1], offset[:, 0])
-        delta = np.remainder(angle - (start + sweep / 2) + np.pi, 2 * np.pi) - np.pi
-        return np.asarray(np.clip(0.5 + delta / sweep, 0.0, 1.0))
+        return np.asarray(np.clip(share_of_turn(angle, start, sweep), 0.0, 1.0))
 
     def _project_spiral(
         self, target: IntArray, centre: FloatArray, hint: FloatArray, slack: float
@@ -495,6 +494,12 @@ def taylor(table: FloatArray, local: FloatArray, order: int) -> list[FloatArray]
     while len(values) <= order:
         values.append(np.zeros_like(values[0]))
     return values
+
+
+def share_of_turn(angle: FloatArray, start: FloatArray, turn: FloatArray) -> FloatArray:
+    """Parameters of arcs and fans from `start` by `turn` at angles, cut opposite to the middle."""
+    delta = np.remainder(angle - (start + turn / 2) + np.pi, 2 * np.pi) - np.pi
+    return np.asarray(0.5 + delta / turn)
 
 
 def disk_through(chord: FloatArray, normal: FloatArray) -> FloatArray:

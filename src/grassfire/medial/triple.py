@@ -15,6 +15,7 @@ from grassfire.medial.sites import (
     Sites,
     dot,
     polynomial,
+    share_of_turn,
 )
 from grassfire.medial.tritangent import newton_step, plain_disks
 
@@ -280,8 +281,7 @@ class _Feet:
         distance = np.hypot(offset[:, 0], offset[:, 1])
         sign = np.sign(sweep)
         angle = np.arctan2(offset[:, 1], offset[:, 0])
-        delta = np.remainder(angle - (start + sweep / 2) + np.pi, 2 * np.pi) - np.pi
-        self.parameter[rows] = 0.5 + delta / sweep
+        self.parameter[rows] = share_of_turn(angle, start, sweep)
         outward = offset / np.maximum(distance, 1e-300)[:, None]
         return sign * (self.sites.radius[site] - distance), -sign[:, None] * outward
 
@@ -291,6 +291,5 @@ class _Feet:
         start, turn = self.sites.extent[site].T
         distance = np.hypot(offset[:, 0], offset[:, 1])
         angle = np.arctan2(offset[:, 1], offset[:, 0])
-        delta = np.remainder(angle - (start + turn / 2) + np.pi, 2 * np.pi) - np.pi
-        self.parameter[rows] = 0.5 + delta / turn
+        self.parameter[rows] = share_of_turn(angle, start, turn)
         return distance, offset / np.maximum(distance, 1e-300)[:, None]

@@ -10,7 +10,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
+from grassfire.medial.sites import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    SiteKind,
+    Sites,
+    share_of_turn,
+)
 
 _STEPS = 6
 """Most Newton steps; two do unless the disk is ill-determined."""
@@ -58,8 +65,7 @@ class PlainTriples:
         flat = self.point.take(rows, axis=1).ravel().nonzero()[0]
         start, turn = extent[0].ravel().take(flat), extent[1].ravel().take(flat)
         x, y = offset[0].ravel().take(flat), offset[1].ravel().take(flat)
-        delta = np.remainder(np.arctan2(y, x) - (start + turn / 2) + np.pi, 2 * np.pi) - np.pi
-        along.ravel()[flat] = 0.5 + delta / turn
+        along.ravel()[flat] = share_of_turn(np.arctan2(y, x), start, turn)
         return np.asarray(along)
 
     def closed(self, centre: FloatArray) -> FloatArray:

@@ -270,8 +270,8 @@ class AdaptivePocket:
     def _unswept(self) -> list[tuple[int, int]]:
         """Stretches of the walls where cuts have left a film, first and last samples of each."""
         walls, wall = self._walls, self._settings.wall
-        touched = walls.points + wall * unit(walls.heading - np.pi / 2)
-        film = ~self._cleared.within(touched, wall + FILM)
+        reach = walls.points + wall * unit(walls.heading - np.pi / 2)
+        film = ~self._cleared.within(reach, wall + FILM)
         return walls.stretches(film, BESIDE) if film.any() else []
 
     def _cut_corners(

@@ -217,13 +217,18 @@ def touching(places: FloatArray, around: Box, fronts: Sequence[tuple[Front, floa
     if few:
         points = np.concatenate([points for points, _ in few])
         square = np.array([reach**2 for _, reach in few]).repeat([len(it) for it, _ in few])
-        across = places[:, :1] - points[:, 0]
-        along = places[:, 1:] - points[:, 1]
-        across *= across
-        along *= along
-        across += along
-        result |= (across < square).any(axis=1)
+        result |= (squares(places, points) < square).any(axis=1)
     return result
+
+
+def squares(places: FloatArray, points: FloatArray) -> FloatArray:
+    """(n, m) squared distances of places (n, 2) from points (m, 2), mm2."""
+    across = places[:, :1] - points[:, 0]
+    along = places[:, 1:] - points[:, 1]
+    across *= across
+    along *= along
+    across += along
+    return across
 
 
 def touched(places: FloatArray, front: Front, reach: float) -> IntArray:
@@ -406,7 +411,7 @@ def _continuation(
             # what runs back beside the end of the first is left out
             ahead = (after[:8] - before.points[-1]) @ unit(before.leave)
             at = min(int(np.argmax(np.append(ahead > 0, True))), len(after) - 2)
-        turn = float(wrapped(np.array(direction(after[at : at + 4]) - before.leave)))
+        turn = wrapped(direction(after[at : at + 4]) - before.leave)
         if not -JOIN_RIGHT <= turn <= JOIN_LEFT:
             continue
         if skip or before.end_clearance(clearance) >= AT_WALL * radius:

@@ -24,11 +24,13 @@ with the thickness R (1 - cos(engagement)) on a straight front, less on a hollow
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from grassfire.toolpath import FloatArray
+
+Angle = TypeVar("Angle", float, FloatArray)
 
 
 class Pursuit(NamedTuple):
@@ -59,9 +61,9 @@ def unit(angle: FloatArray | float) -> FloatArray:
     return result
 
 
-def wrapped(angle: FloatArray) -> FloatArray:
-    """Angles brought to [-pi, pi)."""
-    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
+def wrapped(angle: Angle) -> Angle:
+    """Angles, or one, brought to [-pi, pi)."""
+    return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
 def pursue(front: FloatArray, bearing: float, radius: float, engagement: FloatArray) -> Pursuit:

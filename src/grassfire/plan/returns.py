@@ -96,8 +96,8 @@ class Returns:
         chosen = np.zeros(len(places), dtype=bool)
         chosen[: stops[0]] = chosen[::FEW] = chosen[first] = True
         rows = chosen.nonzero()[0]
-        touching = rows[~self._clear(places[rows])]
-        owner = first.searchsorted(touching, side="right") - 1
+        stopped = rows[~self._clear(places[rows])]
+        owner = first.searchsorted(stopped, side="right") - 1
         for number, stop in enumerate(stops):
             if number in owner:
                 continue

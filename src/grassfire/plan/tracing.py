@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from grassfire.errors import PlanningError
-from grassfire.plan.fronts import GRAZE, densified, direction, swept_edge
+from grassfire.plan.fronts import GRAZE, densified, direction, squares, swept_edge
 from grassfire.plan.path import BoolArray, IntArray, Path, join, segment
 from grassfire.plan.pursuit import pursue, unit, wrapped
 from grassfire.plan.smooth import fits
@@ -210,12 +210,7 @@ class Tracer:
         if at_front < near or not inside:
             back = self._walls.behind(self._walls.nearest(front[0]), BACK)
             points = self._walls.points.take(back, axis=0)
-            across = points[:, :1] - front[:BACK, 0]
-            along = points[:, 1:] - front[:BACK, 1]
-            across *= across
-            along *= along
-            across += along
-            clear = across.min(axis=1) >= (radius * (1 - 1e-3)) ** 2
+            clear = squares(points, front[:BACK]).min(axis=1) >= (radius * (1 - 1e-3)) ** 2
             if clear.any() or not inside:
                 chosen = int(back[int(clear.argmax())])
                 return Start(chosen, self._walls.points[chosen], float(self._walls.heading[chosen]))
@@ -351,7 +346,7 @@ class Tracer:
         sample = self._walls.nearest(way.centre[leave])
         cut.index = len(cut.front) - len(front) + leave
         cut.point = front[leave]
-        turn = _turned(float(self._walls.heading[sample] - way.heading[leave]))
+        turn = wrapped(float(self._walls.heading[sample] - way.heading[leave]))
         return sample if -SHARPEST[1] <= turn <= SHARPEST[0] else ENDED, bearing
 
     def _pivoted(self, cut: _Cut, centre: FloatArray, bearing: float) -> tuple[int, float]:
@@ -370,7 +365,7 @@ class Tracer:
         point = ahead[after - 1] + (ahead[after] - ahead[after - 1]) * share
         offset = point - centre
         across = float(np.arctan2(offset[1], offset[0]))
-        turn = _turned(across - bearing)
+        turn = wrapped(across - bearing)
         if abs(turn) > MOST_PIVOT:
             return ENDED, bearing
         cut.index, cut.point = cut.index + after, point
@@ -447,12 +442,7 @@ class Tracer:
     def _touch(self, cut: _Cut, place: FloatArray, heading: FloatArray) -> _Touch:
         """Where the rim crosses the front ahead, from places with headings."""
         front = cut.front[cut.index : cut.index + WINDOW[1]]
-        across = place[:, :1] - front[:, 0]
-        along = place[:, 1:] - front[:, 1]
-        across *= across
-        along *= along
-        across += along
-        inside = across < self._radius**2
+        inside = squares(place, front) < self._radius**2
         entered = inside.argmax(axis=1)
         rows = np.arange(len(place))
         found = inside[rows, entered]
@@ -520,11 +510,6 @@ def _first(flags: BoolArray) -> int:
     """Where the first flag is set; how many there are where none is."""
     place = int(flags.argmax())
     return place if flags[place] else len(flags)
-
-
-def _turned(angle: float) -> float:
-    """One angle brought to [-pi, pi)."""
-    return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
 def _gaps(one: FloatArray, two: FloatArray) -> FloatArray:
