@@ -25,6 +25,8 @@ _TURNED = np.array([(np.cos(0.5), -np.sin(0.5)), (np.sin(0.5), np.cos(0.5))])
 """The tree has its own axes: its nodes split off points that are level with an axis one by one."""
 _STRIDE, _STRIDED = 8, 256
 """One search of eight comes first, where there are so many."""
+_SOMEWHAT = 2.0
+"""How much larger than those beside it a disk begins that nothing else bounds."""
 _GLANCE = 0.1
 """Share by which a first look at the distance may be off."""
 _ROUGH = 1e-2
@@ -570,31 +572,59 @@ class BoundarySearch:
         """Radii of disks that hold no sample, but for a percent or so, and the samples that they
         touch, -1 where that is none.
 
-        Of many points every eighth comes first; what it touches bounds the disks beside it.
+        Of many points every eighth comes first, and of very many every eighth of these: what it
+        touches bounds the disks beside it, and its radius tells about where to begin.
         """
-        position, normal = tangents.position, tangents.normal
         radius = limit.copy()
         count = len(radius)
         touched = np.full(count, -1, dtype=np.int64)
-        if count >= _STRIDED:
-            coarse = np.arange(0, count, _STRIDE)
-            part, shown = self._shrink(position[coarse], normal[coarse], radius[coarse])
-            radius[coarse], touched[coarse] = part, shown
-            group = np.arange(count) // _STRIDE
-            for follower in (group, np.minimum(group + 1, len(coarse) - 1)):
-                sample = shown[follower]
-                rho = disk_through(self.point[sample] - position, normal)
-                # Samples of a point's own sites tell nothing.
-                known = (sample >= 0) & np.all(excluded != self.site[sample, None], axis=1)
-                known &= rho < radius
-                radius, touched = np.where(known, rho, radius), np.where(known, sample, touched)
-            rest = (np.arange(count) % _STRIDE).nonzero()[0]
-        else:
-            rest = np.arange(count)
-        radius[rest], shown = self._shrink(position[rest], normal[rest], radius[rest])
-        touched[rest] = np.where(shown >= 0, shown, touched[rest])
+        strides = [_STRIDE**level for level in (2, 1) if count >= _STRIDED * _STRIDE ** (level - 1)]
+        before = 0
+        for stride in (*strides, 1):
+            rows = np.arange(0, count, stride)
+            guess = np.full(len(rows), np.inf)
+            if before:
+                rows = rows[rows % before > 0]
+                guess = self._bounded(tangents, excluded, rows, before, radius, touched)
+            position, normal = tangents.position[rows], tangents.normal[rows]
+            start = np.minimum(radius[rows], guess)
+            found, shown = self._shrink(position, normal, start)
+            # nothing in a disk smaller than it need be: from the largest again
+            again = ((shown < 0) & (guess < radius[rows])).nonzero()[0]
+            if len(again):
+                found[again], shown[again] = self._shrink(
+                    position[again], normal[again], radius[rows[again]]
+                )
+            radius[rows], touched[rows] = found, np.where(shown >= 0, shown, touched[rows])
+            before = stride
         self._descend(tangents, excluded, radius, touched)
         return radius, touched
+
+    def _bounded(
+        self,
+        tangents: Tangents,
+        excluded: IntArray,
+        rows: IntArray,
+        stride: int,
+        radius: FloatArray,
+        touched: IntArray,
+    ) -> FloatArray:
+        """Bound the disks of rows by what those at a stride beside them touch. In place.
+
+        Also radii, (n,) mm, to begin with: somewhat larger than those beside.
+        """
+        position, normal, own = tangents.position[rows], tangents.normal[rows], excluded[rows]
+        lower = rows // stride * stride
+        upper = np.where(lower + stride < len(radius), lower + stride, lower)
+        guess = _SOMEWHAT * np.maximum(radius[lower], radius[upper])
+        best, sample = radius[rows], touched[rows]
+        for shown in (touched[lower], touched[upper]):
+            rho = disk_through(self.point[shown] - position, normal)
+            # Samples of a point's own sites tell nothing.
+            known = (shown >= 0) & np.all(own != self.site[shown, None], axis=1) & (rho < best)
+            best, sample = np.where(known, rho, best), np.where(known, shown, sample)
+        radius[rows], touched[rows] = best, sample
+        return guess
 
     def _descend(
         self, tangents: Tangents, excluded: IntArray, radius: FloatArray, touched: IntArray
