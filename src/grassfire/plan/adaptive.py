@@ -623,8 +623,8 @@ class AdaptivePocket:
     def _rimmed(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
         """Right edge of what is swept, with the rim before and after; -1 and the last are these."""
         edge, piece = swept_edge(points, self._radius, self._step)
-        # from well behind the right: what is cleared there falls out
-        before = direction(points[:2]) + np.arange(-0.6, 0.0, SAMPLING)
+        # all round the ends: what is cleared there falls out
+        before = direction(points[:2]) + np.arange(-np.pi, 0.0, SAMPLING)
         after = direction(points[-2:]) + np.arange(-0.6, np.pi + 0.6, SAMPLING)
         rims = [
             points[end] + self._radius * unit(angle - np.pi / 2)
