@@ -23,6 +23,7 @@ from grassfire.verify import Target, Verification, count_program, verify
 from grassfire.verify.gouge import Walls, stretches_between
 from grassfire.verify.path import Path, flatten_program
 from grassfire.verify.raster import Grid, cells_inside
+from grassfire.verify.repeats import Lowering
 from grassfire.verify.sweep import build_pieces, lower
 from verify_samples import MACHINE, Sample, samples
 
@@ -167,6 +168,37 @@ def test_cells_inside_agree_with_shapely(points: list[tuple[float, float]]) -> N
     edge = shapely.distance(shape.boundary, shapely.points(columns, rows)) < 1e-9
     expected = shapely.contains_xy(shape, columns, rows)
     assert np.array_equal(cells_inside(shape, grid) | edge, expected | edge)
+
+
+def test_passes_that_repeat_are_mapped_as_if_each_were_swept() -> None:
+    builder = ToolpathBuilder((0.0, 0.0, 5.0))
+    angle = np.linspace(0.0, 12 * math.pi, 400)
+    spiral = (3 + angle[:, None] / 4) * np.column_stack([np.cos(angle), np.sin(angle)])
+    for depth in (-1.0, -2.0, -3.0):
+        builder.line(*spiral[0], depth, 300.0)
+        for index, (x, y) in enumerate(spiral.tolist()):
+            if index == 200 and depth == -2.0:
+                builder.line(x, y - 1.0, depth, 800.0)
+            builder.line(x, y, depth, 800.0)
+        builder.line(3.0, 4.0, depth, 800.0)
+        if depth == -3.0:
+            builder.arc(3.0, 4.0, depth, (0.0, 0.0), True, 800.0)
+    path = path_of(builder)
+    thresholds = np.array([-3.0, -2.0, -1.0, -1e-6])
+    pieces = build_pieces(path, thresholds, chord_error=1e-9, rapid_clearance=0.0)
+    level = path.begin[pieces.move, 2] == path.end[pieces.move, 2]
+    grid = Grid(-20.0, -20.0, 0.2, 200, 200)
+    swept, repeated = np.full((2, grid.size), np.inf)
+    lowering = Lowering(pieces, level, grid)
+    for band in range(len(thresholds)):
+        rows = np.flatnonzero(pieces.band == band)
+        if len(rows):
+            lower(swept, pieces.take(rows), grid)
+            lowering.lower(repeated, rows)
+        cut = np.isfinite(swept)
+        np.testing.assert_array_equal(np.isfinite(repeated), cut)
+        np.testing.assert_allclose(repeated[cut], swept[cut], rtol=0, atol=1e-8)
+    assert [len(item.bands) for item in lowering.shared] == [3]
 
 
 def test_engagement_of_a_slot_and_of_a_stepover() -> None:

@@ -10,13 +10,17 @@ import numpy as np
 from grassfire.verify.model import FloatArray, Target
 from grassfire.verify.path import BoolArray, IntArray, Path, spread
 from grassfire.verify.raster import Grid, cells_inside
-from grassfire.verify.sweep import Pieces, build_pieces, expand, joined, lower, removed_cells
+from grassfire.verify.repeats import Lowering
+from grassfire.verify.sweep import Pieces, build_pieces, expand, joined, removed_cells
 
 _EDGE = 1e-6
 """Depth below the stock's top at which cutting begins, mm."""
 
 _DESCENT = 0.02
 """Height from which on a fall begins another cut, mm."""
+
+_SAMPLES = 1024
+"""Samples that are looked at together: their rays fit into the cache."""
 
 _MAX_LEVELS = 200
 """Thresholds that are kept apart; with more (a path that never stays level) they are merged."""
@@ -150,17 +154,19 @@ def rim_in_stock(
     now = samples.station - grid.cell
     recent = np.maximum(samples.station - 1.5 * radius - grid.cell, samples.begun)
     columns = np.int32(grid.columns)
-    for begin in range(0, len(result), 4096):
-        part = slice(begin, begin + 4096)
+    for begin in range(0, len(result), _SAMPLES):
+        part = slice(begin, begin + _SAMPLES)
         ux, uy = heading[part, 0, None], heading[part, 1, None]
         across, along = ux * cosine - uy * sine, ux * sine + uy * cosine
         column = (x[part, None] + outside[part, None] * across).astype(np.int32)
         row = (y[part, None] + outside[part, None] * along).astype(np.int32)
-        stock = first_cut[row * columns + column] > now[part, None]
-        sample, ray = np.nonzero(stock)
-        column = (x[part][sample] + inside[part][sample] * across[sample, ray]).astype(np.int32)
-        row = (y[part][sample] + inside[part][sample] * along[sample, ray]).astype(np.int32)
-        cutting = first_cut[row * columns + column] > recent[part][sample]
+        stock = first_cut.take(row * columns + column) > now[part, None]
+        ray = stock.ravel().nonzero()[0]
+        sample = ray // len(offsets)
+        reach = inside[part].take(sample)
+        column = (x[part].take(sample) + reach * across.ravel().take(ray)).astype(np.int32)
+        row = (y[part].take(sample) + reach * along.ravel().take(ray)).astype(np.int32)
+        cutting = first_cut.take(row * columns + column) > recent[part].take(sample)
         result[part] = np.bincount(sample[cutting], minlength=len(stock)) * step
     return result
 
@@ -281,6 +287,7 @@ class Sweep:
         removed = np.zeros(len(path))
         hits = [np.zeros(len(path)) for _ in self.bodies]
         left: list[BoolArray] = [np.zeros(0, dtype=bool)] * len(self.targets)
+        lowering = Lowering(self.pieces, self._level(self.pieces), grid)
         for band, threshold in enumerate(self.thresholds):
             while pending and (band == 0 or pending[0][0] <= threshold):
                 _, inside = pending.pop(0)
@@ -291,10 +298,9 @@ class Sweep:
                     break
             rows = np.flatnonzero(self.pieces.band == band)
             if len(rows):
-                pieces = self.pieces.take(rows)
-                lower(first_cut, pieces, grid)
+                lowering.lower(first_cut, rows)
                 fresh = np.flatnonzero(standing & np.isfinite(first_cut))
-                self._lower_height(height, fresh, pieces, first_cut)
+                self._lower_height(height, fresh, self.pieces.take(rows), first_cut)
                 standing[fresh] = False
             self._look(band, first_cut, engagement, overload)
             self._count_removed(band, first_cut, removed)
@@ -313,6 +319,11 @@ class Sweep:
             tuple(item * grid.cell**2 for item in hits),
         )
 
+    def _level(self, pieces: Pieces) -> BoolArray:
+        """Return (k,) which pieces are of level moves."""
+        begin, end = self.path.begin[pieces.move, 2], self.path.end[pieces.move, 2]
+        return np.asarray(np.abs(end - begin) < 1e-9)
+
     def _lower_height(
         self, height: FloatArray, fresh: IntArray, pieces: Pieces, first_cut: FloatArray
     ) -> None:
@@ -321,9 +332,7 @@ class Sweep:
         Level moves leave their height, sloped ones the height at which they first touch a cell,
         vertical ones that of their lower end.
         """
-        path = self.path
-        begin, end = path.begin[pieces.move, 2], path.end[pieces.move, 2]
-        level = np.abs(end - begin) < 1e-9
+        path, end, level = self.path, self.path.end[pieces.move, 2], self._level(pieces)
         # Level moves in one band differ by less than the tolerance of heights; their mean serves.
         height[fresh] = end[level].mean() if level.any() else self.thresholds[pieces.band[0]]
         sloped = pieces.take(np.flatnonzero(~level))
