@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,13 @@ from numpy.typing import NDArray
 from grassfire.toolpath import MoveKind, Program, Role, Section, Toolpath
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+Value = TypeVar("Value", float, FloatArray)
+"""One number or many."""
+
+Traces = dict[tuple[int, int], str]
+"""Path data of a section by layer and level."""
 
 _PAPER = "#ffffff"
 _INK = "#22262b"
@@ -77,19 +85,20 @@ class _Canvas:
         self.drawing_height = (y1 - y0) * self.scale
         self.top = _MARGIN + 26.0
 
-    def x(self, value: float) -> float:
+    def x(self, value: Value) -> Value:
         return _MARGIN + (value - self.bounds[0]) * self.scale
 
-    def y(self, value: float) -> float:
+    def y(self, value: Value) -> Value:
         return self.top + (self.bounds[3] - value) * self.scale
 
-    def at(self, x: float, y: float) -> str:
-        """Point in mm as SVG coordinates."""
-        return f"{_number(self.x(x), 2)} {_number(self.y(y), 2)}"
+    def places(self, points: FloatArray) -> list[str]:
+        """Points (n, 2) in mm as SVG coordinates."""
+        x, y = self.x(points[:, 0]).tolist(), self.y(points[:, 1]).tolist()
+        return [f"{_number(a, 2)} {_number(b, 2)}" for a, b in zip(x, y, strict=True)]
 
     def polygon(self, points: FloatArray) -> str:
         """Path data of a closed polyline in mm."""
-        return "M" + "L".join(self.at(x, y) for x, y in points.tolist()) + "Z"
+        return "M" + "L".join(self.places(points)) + "Z"
 
     def path(self, data: str, stroke: str, width: float, extra: str = "") -> None:
         if data:
@@ -170,46 +179,29 @@ def _move_points(path: Toolpath) -> FloatArray:
     return np.concatenate([path.begin[cutting, :2], path.end[cutting, :2], on_arcs])
 
 
-class _Tracer:
-    """Writes moves of one style as the data of one path, joined where they meet."""
-
-    def __init__(self, canvas: _Canvas) -> None:
-        self.canvas = canvas
-        self.parts: list[str] = []
-        self.position: tuple[float, float] | None = None
-
-    def move(
-        self,
-        begin: tuple[float, float],
-        end: tuple[float, float],
-        centre: tuple[float, float] | None,
-        sweep: float,
-    ) -> None:
-        """Append one move in mm; an arc if `centre` is given."""
-        if self.position != begin:
-            self.parts.append("M" + self.canvas.at(*begin))
-        self.position = end
-        if centre is None:
-            self.parts.append("L" + self.canvas.at(*end))
-            return
-        # One SVG arc cannot draw a full turn, and near one its centre is badly conditioned.
-        pieces = 1 if abs(sweep) < 0.9 * math.pi else 3
-        radius = math.hypot(begin[0] - centre[0], begin[1] - centre[1])
-        start = math.atan2(begin[1] - centre[1], begin[0] - centre[0])
-        size = _number(radius * self.canvas.scale, 2)
-        flag = 0 if sweep > 0 else 1
-        for index in range(1, pieces + 1):
-            angle = start + sweep * index / pieces
-            target = (
-                end
-                if index == pieces
-                else (centre[0] + radius * math.cos(angle), centre[1] + radius * math.sin(angle))
-            )
-            self.parts.append(f"A{size} {size} 0 0 {flag} {self.canvas.at(*target)}")
-
-    @property
-    def data(self) -> str:
-        return "".join(self.parts)
+def _words(canvas: _Canvas, path: Toolpath, rows: IntArray) -> list[str]:
+    """Path data of some moves (of n rows), from where they begin."""
+    begin, end, sweep = path.begin[rows, :2], path.end[rows, :2], path.sweep[rows]
+    goals, arcs = canvas.places(end), path.is_arc[rows].tolist()
+    spoke = begin - path.centre[rows]
+    radius = np.hypot(spoke[:, 0], spoke[:, 1])
+    sizes = [_number(size, 2) if arc else "" for arc, size in zip(
+        arcs, (radius * canvas.scale).tolist(), strict=True)]  # fmt: skip
+    words = [
+        f"A{size} {size} 0 0 {0 if turn > 0 else 1} {goal}" if arc else "L" + goal
+        for arc, size, turn, goal in zip(arcs, sizes, sweep.tolist(), goals, strict=True)
+    ]
+    # One SVG arc cannot draw a full turn, and near one its centre is badly conditioned.
+    parted = np.flatnonzero(path.is_arc[rows] & (np.abs(sweep) >= 0.9 * math.pi))
+    start = np.arctan2(spoke[parted, 1], spoke[parted, 0])
+    for part in (2, 1):
+        angle = start + sweep[parted] * part / 3
+        way = radius[parted, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        places = canvas.places(path.centre[rows[parted]] + way)
+        for index, place in zip(parted.tolist(), places, strict=True):
+            head = words[index].split(" ", 5)[:5]
+            words[index] = " ".join([*head, place]) + words[index]
+    return words
 
 
 def _floors(section: Section) -> list[float]:
@@ -237,45 +229,52 @@ def _levels(sections: Sequence[Section]) -> list[float]:
     return sorted({height for section in sections for height in _floors(section)}, reverse=True)
 
 
-def _layer(role: int, height: float, levels: Sequence[float]) -> tuple[int, int]:
-    """Drawing order of a move: rapids, links, cuts from the top down, wall, leads, entries."""
-    if role == Role.CUT:
-        nearest = min(range(len(levels)), key=lambda i: abs(levels[i] - height), default=0)
-        return (2, nearest)
-    order = {Role.RAPID: 0, Role.LINK: 1, Role.FINISH: 3, Role.LEAD: 4, Role.ENTRY: 5}
-    return (order[Role(role)], 0)
+_LAYER = {Role.RAPID: 0, Role.LINK: 1, Role.CUT: 2, Role.FINISH: 3, Role.LEAD: 4, Role.ENTRY: 5}
+"""Drawing order of moves: rapids, links, cuts from the top down, wall, leads, entries."""
 
 
-def _trace(
-    canvas: _Canvas, section: Section, levels: Sequence[float]
-) -> dict[tuple[int, int], _Tracer]:
+def _layers(path: Toolpath, rows: IntArray, levels: Sequence[float]) -> IntArray:
+    """Layer of some moves and, of cuts, the number of the nearest level: (2, n)."""
+    order = np.zeros(max(_LAYER) + 1, dtype=np.int64)
+    order[list(_LAYER)] = list(_LAYER.values())
+    layer = order[path.role[rows]]
+    level = np.zeros(len(rows), dtype=np.int64)
+    if levels:
+        gap = np.abs(np.array(levels)[:, None] - path.end[rows, 2])
+        level = np.where(layer == _LAYER[Role.CUT], gap.argmin(axis=0), 0)
+    return np.stack([layer, level])
+
+
+def _trace(canvas: _Canvas, section: Section, levels: Sequence[float]) -> Traces:
     """Path data of a section by layer; also layer (-1, 0): the sweep of the tool on the floor."""
     path = section.toolpath
-    traces: dict[tuple[int, int], _Tracer] = {}
     begin, end = path.begin, path.end
-    floor = levels[-1] if levels else -math.inf
-    section_floor = float(np.nanmin(end[:, 2])) if len(path) else floor
-    sweep = path.sweep
-    wide = _diameter(section) > 0
     known = np.all(np.isfinite(begin[:, :2]), axis=1) & np.all(np.isfinite(end[:, :2]), axis=1)
     moving = known & (np.any(begin[:, :2] != end[:, :2], axis=1) | path.is_arc)
-    for index in np.flatnonzero(moving).tolist():
-        first = (float(begin[index, 0]), float(begin[index, 1]))
-        last = (float(end[index, 0]), float(end[index, 1]))
-        is_arc = path.kind[index] >= MoveKind.ARC_CW
-        centre = (float(path.centre[index, 0]), float(path.centre[index, 1])) if is_arc else None
-        height = float(end[index, 2])
-        targets = [_layer(int(path.role[index]), height, levels)]
-        if (
-            wide
-            and path.kind[index] != MoveKind.RAPID
-            and abs(height - section_floor) < _LEVEL_STEP
-        ):
-            targets.append((-1, 0))
-        for target in targets:
-            tracer = traces.setdefault(target, _Tracer(canvas))
-            tracer.move(first, last, centre, float(sweep[index]))
-    return traces
+    rows = np.flatnonzero(moving)
+    begin, end = begin[rows], end[rows]
+    words, layers = _words(canvas, path, rows), _layers(path, rows, levels)
+    chosen = {
+        (layer, level): np.flatnonzero((layers[0] == layer) & (layers[1] == level))
+        for layer, level in sorted(set(zip(*layers.tolist(), strict=True)))
+    }
+    if _diameter(section) > 0 and len(rows):
+        floor = np.nanmin(path.end[:, 2])
+        on_floor = np.abs(end[:, 2] - floor) < _LEVEL_STEP
+        chosen[-1, 0] = np.flatnonzero(on_floor & (path.kind[rows] != MoveKind.RAPID))
+    return {
+        layer: _joined(canvas, begin[own, :2], end[own, :2], [words[row] for row in own.tolist()])
+        for layer, own in chosen.items()
+        if len(own)
+    }
+
+
+def _joined(canvas: _Canvas, begin: FloatArray, end: FloatArray, words: list[str]) -> str:
+    """Path data of moves, joined where they meet."""
+    apart = np.flatnonzero(np.append(True, np.any(begin[1:] != end[:-1], axis=1)))
+    for index, place in zip(apart.tolist(), canvas.places(begin[apart]), strict=True):
+        words[index] = f"M{place}{words[index]}"
+    return "".join(words)
 
 
 def _diameter(section: Section) -> float:
@@ -295,14 +294,14 @@ def _entry_points(section: Section) -> list[tuple[float, float]]:
 def _draw_traces(
     canvas: _Canvas,
     sections: Sequence[Section],
-    traces: Sequence[dict[tuple[int, int], _Tracer]],
+    traces: Sequence[Traces],
     levels: Sequence[float],
 ) -> None:
     """Strokes in drawing order; upper floors are wider so that they show beside deeper ones."""
     round_ends = 'stroke-linecap="round" stroke-linejoin="round"'
     for section, layers in zip(sections, traces, strict=True):
         if (-1, 0) in layers:
-            canvas.path(layers[(-1, 0)].data, _FLOOR, _diameter(section) * canvas.scale, round_ends)
+            canvas.path(layers[(-1, 0)], _FLOOR, _diameter(section) * canvas.scale, round_ends)
     keys = sorted({key for layers in traces for key in layers if key[0] >= 0})
     roles = {0: Role.RAPID, 1: Role.LINK, 3: Role.FINISH, 4: Role.LEAD, 5: Role.ENTRY}
     for key in keys:
@@ -313,14 +312,12 @@ def _draw_traces(
             if key[0] == 2:
                 below = sum(1 for other in layers if other[0] == 2 and other[1] > key[1])
                 width = thin * (1.0 + 1.6 * min(below, 3))
-                canvas.path(layers[key].data, _level_colour(key[1], levels), width, round_ends)
+                canvas.path(layers[key], _level_colour(key[1], levels), width, round_ends)
             elif key[0] == 0:
-                canvas.path(
-                    layers[key].data, _ROLE_COLOUR[Role.RAPID], 0.8, 'stroke-dasharray="5 4"'
-                )
+                canvas.path(layers[key], _ROLE_COLOUR[Role.RAPID], 0.8, 'stroke-dasharray="5 4"')
             else:
                 colour = _ROLE_COLOUR[roles[key[0]]]
-                canvas.path(layers[key].data, colour, thin * 1.15, round_ends)
+                canvas.path(layers[key], colour, thin * 1.15, round_ends)
 
 
 def _level_colour(index: int, levels: Sequence[float]) -> str:
@@ -367,7 +364,7 @@ def _legend(
 
 
 def _program_legend(
-    traces: Sequence[dict[tuple[int, int], _Tracer]],
+    traces: Sequence[Traces],
     levels: Sequence[float],
     walls: bool,
 ) -> list[tuple[str, str]]:
@@ -514,7 +511,7 @@ def axis_svg(
         if vertex["kind"] == "branch" or not edges:
             canvas.elements.append(_circle(canvas, vertex, None, shade))
     data = "".join(
-        "M" + "L".join(canvas.at(x, y) for x, y in _bezier_points(points).tolist())
+        "M" + "L".join(canvas.places(_bezier_points(points)))
         for points in (np.asarray(edge["control_points"], dtype=np.float64) for edge in edges)
     )
     canvas.path(data, deep, 1.6, 'stroke-linecap="round" stroke-linejoin="round"')

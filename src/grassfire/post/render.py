@@ -10,6 +10,8 @@ from .definition import Post
 from .rounding import Grid, WrittenMoves, written_moves
 from .words import diameter_word, fixed, fold, identifier, marker, program_number, trimmed
 
+_RAPID, _LINE, _ARC_CW = int(MoveKind.RAPID), int(MoveKind.LINE), int(MoveKind.ARC_CW)
+
 
 def render_program(
     program: Program,
@@ -33,6 +35,7 @@ class Renderer:
         if not np.isfinite(clearance_height):
             raise InputError("the clearance height is not a finite number", source=post.name)
         self.post = post
+        self._scale, self._decimals = post.scale, post.decimals
         self.grid = Grid(post.decimals, post.scale)
         self.tolerance = tolerance
         self.clearance = float(self.grid.nearest(np.array(clearance_height)))
@@ -102,7 +105,7 @@ class Renderer:
 
     def _number(self, value: float, extra: int = 0) -> str:
         """A length in mm as text in the post's units."""
-        return fixed(value / self.post.scale, self.post.decimals + extra)
+        return fixed(value / self._scale, self._decimals + extra)
 
     def _is_numbered(self, line: str) -> bool:
         return line[0] not in "(;%O"
@@ -277,13 +280,12 @@ class Renderer:
         self._note_arcs(toolpath, moves)
         centre_words = self._centre_words(moves)
         feeds = self._feed_words(moves)
-        rapid, line = int(MoveKind.RAPID), int(MoveKind.LINE)
         for row, (kind, end) in enumerate(
             zip(moves.kind.tolist(), moves.end.tolist(), strict=True)
         ):
-            if kind == rapid:
+            if kind == _RAPID:
                 self._rapid([None if value != value else value for value in end])
-            elif kind == line:
+            elif kind == _LINE:
                 self._straight(post.words.line, end, feeds[row])
             else:
                 self._arc(moves, row, end, centre_words[row], feeds[row])
@@ -369,7 +371,7 @@ class Renderer:
 
     def _arc(self, moves: WrittenMoves, row: int, end: list[float], centre: str, feed: str) -> None:
         motions, helix_word = self.post.words, self.post.arcs.helix_word
-        motion = motions.arc_cw if moves.kind[row] == MoveKind.ARC_CW else motions.arc_ccw
+        motion = motions.arc_cw if moves.kind[row] == _ARC_CW else motions.arc_ccw
         words = [f"X{self._number(end[0])}", f"Y{self._number(end[1])}"]
         if end[2] != self.position[2]:
             words += [f"Z{self._number(end[2])}", centre, *([helix_word] if helix_word else [])]
