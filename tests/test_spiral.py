@@ -9,13 +9,21 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import shapely
+from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import Voronoi, cKDTree
 
 from grassfire.geometry import Arc, EllipticalArc, Line, Loop, Region, flatten
 from grassfire.medial import MedialAxis, medial_axis
 from grassfire.plan.path import Path
 from grassfire.plan.spiral import spiral_pockets
-from grassfire.plan.spiral_curve import blunted, end_tangents, evened, filleted, fitted
+from grassfire.plan.spiral_curve import (
+    blunted,
+    end_tangents,
+    evened,
+    filleted,
+    fitted,
+    smoothed,
+)
 from grassfire.plan.spiral_tree import joined, opened, rooted, sampled_chains
 from grassfire.plan.spiral_wave import eased
 from grassfire.plan.strategy import ClearingSettings, PocketPlan
@@ -346,3 +354,14 @@ def test_laps_leave_little_in_sharp_corners_for_the_finishing_lap() -> None:
     (lap,) = (item.path for item in pocket.finish if item.role is Role.FINISH)
     before = pocket.strokes[-1].path
     assert max(before.nearest(point).distance for point in lap.sample(0.05)[0]) <= 0.021 * RADIUS
+
+
+@pytest.mark.parametrize("count", [9, 300])
+def test_smoothing_is_by_a_gaussian(count: int) -> None:
+    points = np.cumsum(np.random.default_rng(count).normal(size=(count, 2)), axis=0)
+    for width in (0.4, 3.0, 11.0):
+        expected = gaussian_filter1d(points, width, axis=0, mode="nearest", truncate=4.0)
+        np.testing.assert_allclose(smoothed(points, width, closed=False), expected, atol=1e-12)
+        ring = np.concatenate([points, points[:1]])
+        expected = gaussian_filter1d(points, width, axis=0, mode="wrap", truncate=4.0)
+        np.testing.assert_allclose(smoothed(ring, width, closed=True)[:-1], expected, atol=1e-12)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from grassfire.plan.path import BoolArray, IntArray, Path
@@ -43,12 +45,24 @@ def smoothed(points: FloatArray, width: float, closed: bool) -> FloatArray:
     mean of its neighbours; neighbouring laps move alike, so that their distance hardly changes.
     A closed run has its first point again at its end.
     """
-    from scipy.ndimage import gaussian_filter1d
-
     if closed:
-        inner = gaussian_filter1d(points[:-1], width, axis=0, mode="wrap", truncate=REACH)
+        inner = _weighed(points[:-1], width, "wrap")
         return np.concatenate([inner, inner[:1]])
-    return np.asarray(gaussian_filter1d(points, width, axis=0, mode="nearest", truncate=REACH))
+    return _weighed(points, width, "edge")
+
+
+def _weighed(points: FloatArray, width: float, mode: Literal["wrap", "edge"]) -> FloatArray:
+    """Points (m, 2) under a Gaussian; beyond the ends as `numpy.pad` has it."""
+    reach = int(REACH * width + 0.5)
+    weight = np.exp(-0.5 / (width * width) * np.arange(-reach, reach + 1) ** 2)
+    weight /= weight.sum()
+    padded = np.pad(points, ((reach, reach), (0, 0)), mode=mode)
+    count = len(points)
+    total = padded[reach : reach + count] * weight[reach]
+    for index in range(reach):
+        far = 2 * reach - index
+        total += (padded[index : index + count] + padded[far : far + count]) * weight[index]
+    return np.asarray(total)
 
 
 def blunted(points: FloatArray, side: float) -> FloatArray:
