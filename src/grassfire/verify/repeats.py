@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grassfire.verify.model import FloatArray
 from grassfire.verify.path import BoolArray, IntArray
@@ -23,6 +24,12 @@ what rounding takes from their sums."""
 
 _FEWEST = 100
 """Pieces that a pass must share with another one for a map of its own."""
+
+_MISSES = 8
+"""Bands in a row that have too little in common with one before it is given up."""
+
+_SPREAD, _HALF = np.uint64(0x9E3779B97F4A7C15), np.uint64(32)
+"""Odd number and shift that spread the bits of keys."""
 
 
 @dataclass(frozen=True)
@@ -94,50 +101,68 @@ class Lowering:
 
 def _shared(pieces: Pieces, level: BoolArray) -> list[Shared]:
     """Return what bands have in common; of no two is the map needed at the same time."""
-    rows = {
-        int(band): np.flatnonzero(level & (pieces.band == band))
-        for band in np.unique(pieces.band[level])
-    }
+    every = np.flatnonzero(level)
+    key = _keys(pieces, every)
+    # pieces that no other has the like of are not looked at again
+    order = np.argsort(key, kind="stable")
+    like = key[order[1:]] == key[order[:-1]]
+    twice = np.zeros(len(every), dtype=bool)
+    twice[order[1:][like]] = twice[order[:-1][like]] = True
+    every, key = every[twice], key[twice]
+    band = pieces.band[every]
+    parts = {int(number): np.flatnonzero(band == number) for number in np.unique(band)}
+    parts = {number: part for number, part in parts.items() if len(part) >= _FEWEST}
     result: list[Shared] = []
-    while rows:
-        first = min(rows)
-        common = rows.pop(first)
+    while parts:
+        first = min(parts)
+        common = parts.pop(first)
         found: dict[int, IntArray] = {}
-        for band in sorted(rows):
-            mine, its = _in_common(pieces, common, rows[band])
+        missed = 0
+        for number in sorted(parts):
+            mine, its = _in_common(pieces, every, key, common, parts[number])
             # one that has little in common with the others would leave them little
-            most = max(len(rows[band]), len(common) if found else 0)
-            if len(mine) < max(_FEWEST, most / 2):
+            most = max(len(parts[number]), len(common) if found else 0)
+            if len(mine) >= max(_FEWEST, most / 2):
+                found = {other: partner[mine] for other, partner in found.items()}
+                common, found[number], missed = common[mine], parts[number][its], 0
                 continue
-            found = {other: partner[mine] for other, partner in found.items()}
-            common, found[band] = common[mine], rows[band][its]
-        if not found:
-            continue
-        result.append(Shared({first: common, **found}))
-        rows = {band: value for band, value in rows.items() if band > max(found)}
+            missed += 1
+            if missed == _MISSES:
+                break
+        if found:
+            result.append(Shared({other: every[part] for other, part in
+                                  {first: common, **found}.items()}))  # fmt: skip
+            parts = {number: part for number, part in parts.items() if number > max(found)}
     return result
 
 
-def _in_common(pieces: Pieces, one: IntArray, other: IntArray) -> tuple[IntArray, IntArray]:
-    """Return which of two sets of rows are the same pieces in the plane, in the order of both.
+def _keys(pieces: Pieces, rows: IntArray) -> NDArray[np.uint64]:
+    """Return numbers (k,) that are the same for pieces that are the same in the plane, and hardly
+    ever for others."""
+    columns = [*pieces.start[rows].T, *pieces.stop[rows].T, pieces.radius[rows]]
+    key = pieces.fresh[rows].astype(np.uint64)
+    for column in columns:
+        key = (key ^ (key >> _HALF)) * _SPREAD + np.ascontiguousarray(column).view(np.uint64)
+    return key
+
+
+def _in_common(
+    pieces: Pieces, every: IntArray, key: NDArray[np.uint64], one: IntArray, other: IntArray
+) -> tuple[IntArray, IntArray]:
+    """Return which of two sets of `every` piece are the same in the plane, in the order of both.
 
     Of pieces that occur several times in a set only the first counts.
     """
-    rows = np.concatenate([one, other])
-    table = np.column_stack(
-        [pieces.start[rows], pieces.stop[rows], pieces.radius[rows], pieces.fresh[rows]]
-    )
-    order = np.lexsort(table.T)
-    new = np.any(table[order[1:]] != table[order[:-1]], axis=1)
-    label = np.empty(len(rows), dtype=np.int64)
-    label[order] = np.cumsum(np.append(True, new)) - 1
-    first = np.full((2, len(rows)), -1)
-    for place, part in zip(first, (label[: len(one)], label[len(one) :]), strict=True):
-        place[part[::-1]] = np.arange(len(part))[::-1]
-    mine, its = first[:, np.all(first >= 0, axis=0)]
+    _, mine, its = np.intersect1d(key[one], key[other], return_indices=True)
     order = np.argsort(mine)
     mine, its = mine[order], its[order]
+    first, second = every[one[mine]], every[other[its]]
+    same = np.all(pieces.start[first] == pieces.start[second], axis=1)
+    same &= np.all(pieces.stop[first] == pieces.stop[second], axis=1)
+    same &= pieces.radius[first] == pieces.radius[second]
+    same &= pieces.fresh[first] == pieces.fresh[second]
     took = pieces.until - pieces.since
-    kept = np.abs(took[one[mine]] - took[other[its]]) <= _SAME
-    kept &= its == np.maximum.accumulate(its)
+    same &= np.abs(took[first] - took[second]) <= _SAME
+    mine, its = mine[same], its[same]
+    kept = its == np.maximum.accumulate(its) if len(its) else same[:0]
     return mine[kept], its[kept]
