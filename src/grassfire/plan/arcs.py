@@ -43,8 +43,8 @@ DRAWN = 0.35
 MOST_TURN = np.radians(150.0)
 """Most that a single arc may turn, radians."""
 
-GROWTH = 3
-"""One more knot for so many spans that are off."""
+GROWTH, STRIDE = 3, 25
+"""One more knot for so many spans that are off, and for so many that there are."""
 
 PIN = 1e9
 """Weight of the ends of a curve, which stay where they are."""
@@ -426,7 +426,8 @@ def fewest_arcs(curves: Sequence[Curve]) -> list[Path]:
         # splines within tolerance whose arcs are not need another knot as well
         more = (tries >= PATIENCE) | (most > HOPELESS) | (most <= 1.0)
         tries[more] = 0
-        parts = knots.parts + more * np.maximum(1, (worst > 1.0).sum(axis=1) // GROWTH)
+        growth = np.maximum((worst > 1.0).sum(axis=1) // GROWTH, knots.parts // STRIDE)
+        parts = knots.parts + more * np.maximum(1, growth)
         stuck = ~done & more & (knots.parts == it.count - 1)
         for row in stuck.nonzero()[0].tolist():
             off = spline.off[it.first[row] + 1 : it.last[row]]
