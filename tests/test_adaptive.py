@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
@@ -21,6 +22,7 @@ from grassfire.job import Job, parse_job
 from grassfire.medial import medial_axis
 from grassfire.plan import plan_operation
 from grassfire.plan.adaptive import adaptive_pockets
+from grassfire.plan.arcs import Curve, fewest_arcs
 from grassfire.plan.boundary import Boundary
 from grassfire.plan.fronts import (
     Disks,
@@ -35,7 +37,7 @@ from grassfire.plan.fronts import (
 )
 from grassfire.plan.path import Path, from_loop
 from grassfire.plan.pursuit import unit, wrapped
-from grassfire.plan.smooth import fits, rounded, tangent_link
+from grassfire.plan.smooth import rounded, tangent_link, two_arcs
 from grassfire.plan.strategy import ClearingSettings
 from grassfire.plan.strokes import Stroke, StrokeKind
 from grassfire.plan.walls import Walls, mirrored, mirrored_path
@@ -368,11 +370,15 @@ def test_swept_edge_is_the_right_side_of_the_swept_area(seed: int) -> None:
     assert np.all(np.diff(piece) >= 0) and piece.max() < len(chain) - 1
 
 
+def within(points: FloatArray, tolerance: float) -> Curve:
+    """Samples with the same tolerance on either side."""
+    return Curve(points, *np.full((2, len(points)), tolerance))
+
+
 def test_samples_in_the_wrong_order_make_no_loop() -> None:
     """A turn on the spot may go back by less than a micrometre."""
     points = np.array([[0.0, 0.0], [-1e-4, 0.0], [-2e-4, 1e-5], [0.005, 0.0], [0.012, 0.0]])
-    headings = np.radians([-2.0, -1.0, 0.0, 0.0, 0.0])
-    path = fits([(points, headings, np.full(5, 6e-3))])[0]
+    path = fewest_arcs([within(points, 6e-3)])[0]
     assert np.abs(path.sweep).max() <= np.pi / 2
     assert np.abs(path.sample(1e-4)[0]).max(axis=0) == pytest.approx([0.012, 0.0], abs=5e-4)
 
@@ -591,22 +597,54 @@ def corner_angles(path: Path) -> FloatArray:
     return np.abs(wrapped(leave[1:] - arrive[:-1]))
 
 
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-5])
+def turned_right(vector: FloatArray) -> FloatArray:
+    return np.array([vector[1], -vector[0]])
+
+
+def oval(count: int) -> FloatArray:
+    """Once and a bit round an ellipse that is drawn along."""
+    angle = np.linspace(0.0, 7.0, count)
+    return np.stack([30 * np.cos(angle) + angle, 12 * np.sin(angle)], axis=1)
+
+
+@pytest.mark.parametrize("tolerance", [1e-1, 1e-2, 1e-3])
 def test_fitted_paths_keep_to_samples_without_corners(tolerance: float) -> None:
-    angle = np.linspace(0.0, 7.0, 1500)
-    points = np.stack([30 * np.cos(angle) + angle, 12 * np.sin(angle)], axis=1)
-    slope = np.stack([1 - 30 * np.sin(angle), 12 * np.cos(angle)], axis=1)
-    heading = np.arctan2(slope[:, 1], slope[:, 0])
-    path, finer = fits([(points, heading, np.full(1500, tolerance / part)) for part in (1, 100)])
-    assert max(path.nearest(point).distance for point in points[::11]) <= tolerance * 1.001
-    assert corner_angles(path).max() < 1e-6
+    points = oval(1500)
+    path, finer = fewest_arcs([within(points, tolerance / part) for part in (1, 10)])
+    assert max(path.nearest(point).distance for point in points[::11]) <= tolerance * 1.03
+    assert max(finer.nearest(point).distance for point in points[::11]) <= tolerance * 0.103
+    assert corner_angles(path).max() < 1e-6 and corner_angles(finer).max() < 1e-6
     assert np.array_equal(path.start, points[0]) and np.array_equal(path.end, points[-1])
     assert len(path) < len(finer)
 
 
+def test_a_path_lies_on_the_side_that_is_free() -> None:
+    points = oval(1500)
+    free, none = np.full(1500, 0.05), np.full(1500, 1e-4)
+    for right, left in ((free, none), (none, free)):
+        (path,) = fewest_arcs([Curve(points, right, left)])
+        chord = points[2:] - points[:-2]
+        sides = [
+            float(ahead @ turned_right(path.nearest(place).point - place)) / math.hypot(*ahead)
+            for place, ahead in zip(points[1:-1:7], chord[::7], strict=True)
+        ]
+        assert -right[0] * 1.1 - 1e-3 <= min(sides) and max(sides) <= left[0] * 1.1 + 1e-3
+        assert max(np.abs(sides)) > 0.02
+
+
+def test_few_arcs_are_as_few_as_curvature_asks_for() -> None:
+    """An arc of length l differs from a spiral of even change of curvature by change l^3 / 125."""
+    along = np.linspace(0.0, 40.0, 800)
+    change, tolerance = 4e-3, 0.02
+    middle = (along[1:] + along[:-1]) / 2
+    points = np.cumsum(0.05 * unit(change * middle**2 / 2), axis=0)
+    (path,) = fewest_arcs([within(points, tolerance)])
+    assert len(path) <= math.ceil(40.0 / (125 * tolerance / change) ** (1 / 3)) + 1
+
+
 def test_a_straight_way_is_lines() -> None:
     points = np.stack([np.linspace(0, 50, 200), np.zeros(200)], axis=1)
-    (path,) = fits([(points, np.zeros(200), np.full(200, 1e-3))])
+    (path,) = fewest_arcs([within(points, 1e-3)])
     assert np.all(path.sweep == 0.0)
     assert path.length == pytest.approx(50.0)
 
@@ -616,14 +654,13 @@ def test_curves_fitted_together_are_those_fitted_alone() -> None:
     curves = []
     for count in (2, 300, 41, 1000, 3):
         heading = np.cumsum(random.normal(0, 0.05, count))
-        points = np.cumsum(0.1 * unit(heading), axis=0)
-        curves.append((points, heading, np.full(count, 2e-3)))
-    for path, curve in zip(fits(curves), curves, strict=True):
-        (alone,) = fits([curve])
+        curves.append(within(np.cumsum(0.1 * unit(heading), axis=0), 2e-3))
+    for path, curve in zip(fewest_arcs(curves), curves, strict=True):
+        (alone,) = fewest_arcs([curve])
         assert np.array_equal(path.points, alone.points)
         assert np.array_equal(path.sweep, alone.sweep)
-        assert np.array_equal(path.end, curve[0][-1])
-    assert fits([]) == []
+        assert np.array_equal(path.end, curve.points[-1])
+    assert fewest_arcs([]) == []
 
 
 @settings(max_examples=60, deadline=None)
@@ -649,6 +686,28 @@ def test_links_leave_and_arrive_as_tangents_and_turn_left(
     slack = 1e-4 / min(1.0, float(np.min(link.lengths)))
     assert abs(wrapped(direction[0] - link.sweep[0] / 2 - leave)) < slack
     assert abs(wrapped(direction[-1] + link.sweep[-1] / 2 - arrive)) < slack
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    end=st.tuples(st.floats(-40, 40), st.floats(-40, 40)),
+    leave=st.floats(-3.1, 3.1),
+    arrive=st.floats(-3.1, 3.1),
+)
+def test_two_arcs_are_tangent_and_turn_left(
+    end: tuple[float, float], leave: float, arrive: float
+) -> None:
+    stop = np.array(end)
+    link = two_arcs(np.zeros(2), leave, stop, arrive)
+    if link is None:
+        return
+    assert np.array_equal(link.end, stop) and len(link) == 2
+    assert np.all(link.sweep > 0) and link.sweep.max() < np.radians(201)
+    chord = np.diff(link.points, axis=0)
+    direction = np.arctan2(chord[:, 1], chord[:, 0])
+    assert abs(wrapped(direction[0] - link.sweep[0] / 2 - leave)) < 1e-6
+    assert abs(wrapped(direction[1] + link.sweep[1] / 2 - arrive)) < 1e-6
+    assert corner_angles(link).max() < 1e-6
 
 
 def test_no_link_between_a_place_and_itself() -> None:

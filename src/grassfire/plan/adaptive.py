@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 from grassfire.errors import PlanningError
 from grassfire.medial import MedialAxis
 from grassfire.plan import entry
+from grassfire.plan.chains import Writer
 from grassfire.plan.fronts import (
     GRAZE,
     SHORTEST,
@@ -191,7 +192,11 @@ class AdaptivePocket:
         self._walls = walls[0]
         film = 0.9 * ALLOWANCE * self._radius if settings.finish else 0.0
         self._senses = [
-            Sense(Tracer(own, self._radius, engagement, film), own is not self._walls)
+            Sense(
+                Tracer(own, self._radius, engagement, film),
+                Writer(own, self._radius, self._step),
+                own is not self._walls,
+            )
             for own in walls
         ]
         self._returns = Returns(axis, self._walls, settings.wall, self._radius)

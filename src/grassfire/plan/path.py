@@ -249,6 +249,14 @@ def turned(points: FloatArray, centre: FloatArray, angle: FloatArray) -> FloatAr
     return np.asarray(centre + result)
 
 
+def arc_centres(begin: FloatArray, end: FloatArray, sweep: FloatArray) -> FloatArray:
+    """(n, 2) centres of arcs by their ends and sweeps, mm; far away for straight ones."""
+    chord = end - begin
+    cot = 1 / np.tan(np.where(np.abs(sweep) < 1e-9, 1e-9, sweep) / 2)
+    normal = np.stack([-chord[:, 1], chord[:, 0]], axis=1)
+    return np.asarray((begin + end + normal * cot[:, None]) / 2)
+
+
 class Pieces:
     """Lines and arcs as columns, prepared for the nearest place of each of them.
 

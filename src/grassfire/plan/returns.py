@@ -12,13 +12,16 @@ from grassfire.plan.fronts import Front, Fronts, box, touched, touching
 from grassfire.plan.link import straight
 from grassfire.plan.path import BoolArray, IntArray, Path, join, turned
 from grassfire.plan.roadmap import RoadMap
-from grassfire.plan.smooth import rounded, tangent_link
+from grassfire.plan.smooth import rounded, tangent_link, two_arcs
 from grassfire.plan.tracing import Start
 from grassfire.plan.walls import Walls
 from grassfire.toolpath import FloatArray
 
 RADII = 0.6, 0.3, 0.12
 """Radii of the arcs at both ends of a way that are tried, as parts of the tool radius."""
+
+LONGER = 1.1
+"""How much longer a way of two arcs may be than one of three pieces."""
 
 ROOM = 0.01
 """How much nearer to stock than the tool radius ways may pass, as a part of it."""
@@ -30,7 +33,8 @@ AROUND, WALL_GAP = 1.5, 0.1
 """How much longer than straight a way along the wall may be; how near to it its ends are, in R."""
 
 PROBE, ARC_PROBE = 0.1, 0.015
-"""Distance of the places that are looked at on straight ways and arcs, in tool radii."""
+"""Distance of the places that are looked at on straight ways and on the tightest arcs, in tool
+radii. Wider arcs dip as little into a wall between places that are further apart."""
 
 FEW = 8
 """Every so many of the places on ways is looked at first."""
@@ -76,17 +80,26 @@ class Returns:
         self, place: FloatArray, heading: float, start: Start, smooth: bool = True
     ) -> Path | None:
         """As `way`: straight or along the wall, with arcs tangent to both cuts if `smooth`."""
-        ways = [
-            tangent_link(place, heading, start.point, start.heading, part * self._radius)
-            for part in (RADII if smooth else ())
-        ]
+        ways = self._tangent(place, heading, start) if smooth else []
         line = straight(place, start.point)
-        found = [way for way in (*ways, line) if way is not None]
+        found = ways if line is None else [*ways, line]
         chosen = self._first_clear(found) if found else None
         if chosen is not None or line is None:
             return chosen
         beside = self._beside(place, start.point)
         return None if beside is None else self._first_clear([beside])
+
+    def _tangent(self, place: FloatArray, heading: float, start: Start) -> list[Path]:
+        """Ways with arcs tangent to both cuts, the one with fewest pieces first if it is short."""
+        ways = [
+            tangent_link(place, heading, start.point, start.heading, part * self._radius)
+            for part in RADII
+        ]
+        found = [way for way in ways if way is not None]
+        arcs = two_arcs(place, heading, start.point, start.heading) if found else None
+        if arcs is not None and arcs.length <= LONGER * found[0].length:
+            found.insert(0, arcs)
+        return found
 
     def _first_clear(self, ways: Sequence[Path]) -> Path | None:
         """The first way of the frame that touches neither wall nor stock."""
@@ -207,8 +220,10 @@ class Returns:
         step = np.full(len(size), PROBE * self._radius)
         arcs = sweep.nonzero()[0]
         spoke = begin[arcs] - centre[arcs]
-        size[arcs] = np.hypot(spoke[:, 0], spoke[:, 1]) * np.abs(sweep[arcs])
-        step[arcs] = ARC_PROBE * self._radius
+        radius = np.hypot(spoke[:, 0], spoke[:, 1])
+        size[arcs] = radius * np.abs(sweep[arcs])
+        wide = np.sqrt(np.maximum(radius / (RADII[-1] * self._radius), 1.0))
+        step[arcs] = np.minimum(ARC_PROBE * wide, PROBE) * self._radius
         parts = np.maximum(1, np.ceil(size / step)).astype(np.int64)
         count = parts.copy()
         last = np.array([len(way) for way in ways]).cumsum() - 1

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grassfire.plan.chains import Writer
 from grassfire.plan.path import BoolArray, IntArray, Path
 from grassfire.plan.tracing import Near, Piece, Start, Tracer
 from grassfire.plan.walls import mirrored, mirrored_path
@@ -47,12 +48,15 @@ class Sense:
     ----------
     tracer : Tracer
         With the walls of the frame, or of its image.
+    writer : Writer
+        With the same.
     against : bool
         Whether cuts run against the direction of their fronts, with the stock on their left.
     """
 
-    def __init__(self, tracer: Tracer, against: bool) -> None:
+    def __init__(self, tracer: Tracer, writer: Writer, against: bool) -> None:
         self._tracer = tracer
+        self._writer = writer
         self.against = against
 
     def start(
@@ -82,7 +86,7 @@ class Sense:
 
     def paths(self, cuts: Sequence[Cut]) -> list[Path]:
         """Cuts that have a length, as they are machined."""
-        paths = self._tracer.paths([cut.pieces for cut in cuts])
+        paths = self._writer.paths([cut.pieces for cut in cuts])
         return [mirrored_path(path) for path in paths] if self.against else paths
 
     def edge(

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from grassfire.errors import PlanningError
 from grassfire.plan.fronts import GRAZE, densified, direction, squares, swept_edge
-from grassfire.plan.path import BoolArray, IntArray, Path, join, segment
+from grassfire.plan.path import BoolArray, IntArray
 from grassfire.plan.pursuit import pursue, unit, wrapped
-from grassfire.plan.smooth import fits
 from grassfire.plan.walls import Walls
 from grassfire.toolpath import FloatArray
 
@@ -35,8 +34,8 @@ AIR = 0.7
 WINDOW = 64, 220
 """Wall samples and front samples looked at together."""
 
-FIT = 1.5e-3, 6e-3
-"""How far cuts may lie from the exact way at walls and away from them, mm."""
+SKIM = 1.5e-3
+"""How far beyond the exact way cuts as written may lie at walls, mm."""
 
 AT_WALL = 0.35
 """Fronts that begin nearer to the wall than this part of the tool radius begin at it."""
@@ -238,32 +237,6 @@ class Tracer:
         """Where a cut begins, or None without length."""
         return next((piece.points[0] for piece in pieces if piece.long), None)
 
-    def paths(self, cuts: Sequence[list[Piece]]) -> list[Path]:
-        """Cuts that have a length as lines and arcs; wall pieces are the wall rings' own."""
-        closed = [_closed(pieces) for pieces in cuts]
-        free = [piece for pieces in closed for piece in pieces if piece.free and piece.long]
-        fitted = iter(fits([(it.points, it.heading, np.clip(it.room / 2, *FIT)) for it in free]))
-        return [self._path(pieces, fitted) for pieces in closed]
-
-    def _path(self, pieces: list[Piece], fitted: Iterator[Path]) -> Path:
-        """One cut; the next of the fitted paths are those of its free pieces."""
-        paths: list[Path] = []
-        for piece in pieces:
-            own, begin = None, piece.points[0]
-            if piece.long:
-                samples = piece.samples
-                own = next(fitted) if piece.free else self._walls.slice(samples[0], samples[-1])
-            if own is not None and not piece.free:
-                begin = own.start
-            if paths and math.dist(begin, paths[-1].end) > 1e-9:
-                paths.append(segment(paths[-1].end, begin))
-            if own is not None:
-                if paths:
-                    points = np.concatenate([paths[-1].end[None], own.points[1:]])
-                    own = Path(points, own.centre, own.sweep)
-                paths.append(own)
-        return join(*paths)
-
     def _narrowed(self, front: FloatArray) -> float:
         """The limit less what the turns of the way add to the angle that a tooth cuts, radians.
 
@@ -330,7 +303,7 @@ class Tracer:
         room = self._walls.room(way.centre[:stop])
         outside = room < -1e-9
         # towards the wall the fitted way may be off by its tolerance
-        outside[1:] |= (room[1:] < FIT[0]) & (room[1:] < room[:-1])
+        outside[1:] |= (room[1:] < SKIM) & (room[1:] < room[:-1])
         outside[0] &= not cut.pieces
         leave = _first(outside)
         if leave:
@@ -487,23 +460,6 @@ def _eased(front: FloatArray, limit: float, ease: tuple[float, float] | None) ->
 def _alone(places: FloatArray, reach: float) -> BoolArray:
     """No other front is near."""
     return np.zeros(len(places), dtype=bool)
-
-
-def _closed(pieces: list[Piece]) -> list[Piece]:
-    """Pieces of a cut, the free ones made to meet those before and after them."""
-    result: list[Piece] = []
-    for number, piece in enumerate(pieces):
-        if piece.free:
-            points = piece.points.copy()
-            if number and _gap(pieces[number - 1].points[-1], points[0]) < FIT[0]:
-                points[0] = pieces[number - 1].points[-1]
-            if len(points) > 1 and number + 1 < len(pieces):
-                after = pieces[number + 1].points[0]
-                if _gap(after, points[-1]) < FIT[0]:
-                    points[-1] = after
-            piece = replace(piece, points=points)
-        result.append(piece)
-    return result
 
 
 def _first(flags: BoolArray) -> int:

@@ -50,6 +50,8 @@ class Walls:
         Direction along the ring from each, radians.
     along : (n,) float array
         Arc length on its ring, mm.
+    wall : float
+        As given.
     ring, first, count : (n,) int arrays
         Ring of each sample; index of its first sample and how many it has.
     """
@@ -64,7 +66,7 @@ class Walls:
     ) -> None:
         self._boundary = Boundary(axis, CELL * step) if Boundary.suits(axis) else None
         self._axis = axis
-        self._wall = wall
+        self.wall = wall
         self._step = step
         self.reflect = reflect
         self.rings = [mirrored_path(ring.reversed()) for ring in rings] if reflect else list(rings)
@@ -105,11 +107,11 @@ class Walls:
         unseen.
         """
         if self._boundary is not None:
-            return self.clearance(chain, self._wall + 2 * self._step) - self._wall
+            return self.clearance(chain, self.wall + 2 * self._step) - self.wall
         result = self._tree.query(chain)[0] - self._step / 2
         near = np.flatnonzero(result < 2 * self._step)
         if len(near):
-            result[near] = self.clearance(chain[near]) - self._wall
+            result[near] = self.clearance(chain[near]) - self.wall
         return np.asarray(result)
 
     def distance(self, points: FloatArray) -> FloatArray:
@@ -130,6 +132,11 @@ class Walls:
         places, before, behind = ring.at(along.ravel() % ring.length).reshape(3, -1, 2)
         way = behind - before
         return places, np.arctan2(way[:, 1], way[:, 0])
+
+    def beside(self, sample: int, along: float) -> FloatArray:
+        """(2,) place on the ring so far on from a sample, or back, mm."""
+        ring = self.rings[int(self.ring[sample])]
+        return ring.point(float((self.along[sample] + along) % ring.length))
 
     def ahead(self, sample: int, count: int) -> IntArray:
         """(m,) indices of the next samples on the same ring, this one first, at most one lap."""
@@ -170,12 +177,16 @@ class Walls:
         ring = self.rings[int(self.ring[start])]
         return float((self.along[stop] - self.along[start]) % ring.length)
 
-    def slice(self, start: int, stop: int) -> Path | None:
-        """The ring from one sample forward to another; None where they are the same."""
-        if start == stop:
+    def slice(self, start: int, stop: int, before: float = 0.0, after: float = 0.0) -> Path | None:
+        """The ring from one sample forward to another; None where they are the same.
+
+        Beginning and ending so far on from them, mm.
+        """
+        if start == stop and before >= after:
             return None
         ring = self.rings[int(self.ring[start])]
-        low, high = float(self.along[start]), float(self.along[stop])
+        low = float(self.along[start] + before) % ring.length
+        high = float(self.along[stop] + after) % ring.length
         if low < high:
             return ring.slice(low, high)
         if high == 0.0:
