@@ -64,7 +64,7 @@ LEAST_HELIX = 0.1
 MOST_LENGTH = 20.0
 """Longest cut of a pocket, as a multiple of area over stepover: more is a fault."""
 
-MARGIN = 0.003
+MARGIN = 0.006
 """How far below the limit cuts are laid out, radians: for chords, fits and rounding."""
 
 WIDE = 0.95

@@ -63,6 +63,9 @@ BITE, MOST_TURN = 1 / 38, np.radians(25.0)
 """Advance of the tool from tooth to tooth as a part of its radius, samples of fronts allowed for;
 most that it may turn."""
 
+SLACK = 0.05
+"""How much less than the width of the tool fronts between walls may span, as a part of it."""
+
 Near = Callable[[FloatArray, float], BoolArray]
 """Which places (n, 2) have stock of other fronts nearer than a distance, mm."""
 
@@ -241,9 +244,12 @@ class Tracer:
         """The limit less what the turns of the way add to the angle that a tooth cuts, radians.
 
         Between teeth the tool advances by a bite; on an arc it turns by bite over radius meanwhile.
-        Between walls the way has about the room there as its radius.
+        Between walls the way has about the room there as its radius. A front much shorter than the
+        tool is wide does not lie between walls that it passes.
         """
         room = _gap(front[-1], front[0]) / 2 - self._radius
+        if room < -SLACK * self._radius:
+            return self._limit
         return self._limit - min(BITE * self._radius / max(room, 1e-9), float(MOST_TURN))
 
     def _extended(self, front: FloatArray) -> FloatArray:
