@@ -39,7 +39,7 @@ AT_WALL = 0.1
 """A front that ends nearer to the wall than this part of the tool radius ends there."""
 
 FOLD = 2.5
-"""Where an edge runs back over itself by so many steps at most, its points there are dropped."""
+"""Where an edge runs back over itself by so many steps at most, the fold is left out."""
 
 SLIVER = 20
 """Fronts of so few points are not searched for those near places."""
@@ -344,11 +344,28 @@ def swept_edge(centres: FloatArray, radius: float, step: float) -> tuple[FloatAr
     back = (moved == 1) & (bend < 0) & (turned > 0)
     along = np.where(back, -part, part).cumsum()
     behind = np.maximum.accumulate(along) - along
-    forward = ((behind <= 0) | (behind > FOLD * step) & ~back).nonzero()[0]
+    before = along - np.minimum.accumulate(along[::-1])[::-1]
+    kept = _unfolded(behind, FOLD * step) & _unfolded(before, FOLD * step)
+    forward = (kept & ~back).nonzero()[0]
     edge = middle.take(forward, axis=0) + radius * unit(angle.take(forward) - np.pi / 2)
     first = begin[:1] + radius * unit(heading[:1] - np.pi / 2)
     owner = number.take(owner.take(forward))
     return np.concatenate([first, edge]), np.concatenate([number[:1], owner])
+
+
+def _unfolded(overlap: FloatArray, deepest: float) -> BoolArray:
+    """(n,) where a way that runs back over itself by these lengths is on its outline.
+
+    Both sides of a fold cross half way. Of folds that are deeper than `deepest` all is kept.
+    """
+    inside = overlap > 0
+    begin = (inside & ~np.concatenate([[False], inside[:-1]])).nonzero()[0]
+    if not len(begin):
+        return ~inside
+    depth = np.maximum.reduceat(overlap, begin)
+    depth[depth > deepest] = np.inf
+    fold = np.maximum(np.cumsum(np.bincount(begin, minlength=len(overlap))) - 1, 0)
+    return np.asarray(overlap <= depth.take(fold) / 2)
 
 
 def runs(chain: FloatArray, good: BoolArray, gap: float) -> list[FloatArray]:

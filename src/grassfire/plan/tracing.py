@@ -59,7 +59,7 @@ MOST_CHANGES = 2000
 """Changes between wall and open in one cut: more are a fault."""
 
 
-BITE, MOST_TURN = 1 / 38, np.radians(25.0)
+BITE, MOST_TURN = 1 / 34, np.radians(25.0)
 """Advance of the tool from tooth to tooth as a part of its radius, samples of fronts allowed for;
 most that it may turn."""
 
