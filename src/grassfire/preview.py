@@ -185,10 +185,9 @@ def _words(canvas: _Canvas, path: Toolpath, rows: IntArray) -> list[str]:
     goals, arcs = canvas.places(end), path.is_arc[rows].tolist()
     spoke = begin - path.centre[rows]
     radius = np.hypot(spoke[:, 0], spoke[:, 1])
-    sizes = [_number(size, 2) if arc else "" for arc, size in zip(
-        arcs, (radius * canvas.scale).tolist(), strict=True)]  # fmt: skip
+    sizes = (radius * canvas.scale).tolist()
     words = [
-        f"A{size} {size} 0 0 {0 if turn > 0 else 1} {goal}" if arc else "L" + goal
+        _arc_word(size, turn, goal) if arc else "L" + goal
         for arc, size, turn, goal in zip(arcs, sizes, sweep.tolist(), goals, strict=True)
     ]
     # One SVG arc cannot draw a full turn, and near one its centre is badly conditioned.
@@ -202,6 +201,11 @@ def _words(canvas: _Canvas, path: Toolpath, rows: IntArray) -> list[str]:
             head = words[index].split(" ", 5)[:5]
             words[index] = " ".join([*head, place]) + words[index]
     return words
+
+
+def _arc_word(radius: float, sweep: float, goal: str) -> str:
+    size = _number(radius, 2)
+    return f"A{size} {size} 0 0 {0 if sweep > 0 else 1} {goal}"
 
 
 def _floors(section: Section) -> list[float]:

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from grassfire.plan.path import IntArray, Path, arc_centres, join, segment
+from grassfire.plan.path import IntArray, Path, arc_centres, join, left_of_arcs, segment
 from grassfire.plan.pursuit import unit, wrapped
 from grassfire.toolpath import FloatArray
 
@@ -75,8 +75,7 @@ class Curve(NamedTuple):
     left: FloatArray
 
 
-@dataclass(frozen=True)
-class _Samples:
+class _Samples(NamedTuple):
     """Samples of several curves, one after the other.
 
     Attributes
@@ -90,7 +89,7 @@ class _Samples:
         Middle and half width of the band in which arcs are to lie, mm to the left.
     weight : (n,) float array
         Length of the curve that a sample stands for, mm.
-    count : (m,) int array
+    counts : (m,) int array
         How many each curve has.
     """
 
@@ -101,32 +100,38 @@ class _Samples:
     middle: FloatArray
     width: FloatArray
     weight: FloatArray
-    count: IntArray
+    counts: IntArray
+
+    @property
+    def owner(self) -> IntArray:
+        """(n,) curve of each sample."""
+        return np.arange(len(self.counts)).repeat(self.counts)
+
+    @property
+    def lift(self) -> FloatArray:
+        """(m,) what is added to arc lengths of each curve to have those of all in order, mm."""
+        return np.asarray(2.0 * np.arange(len(self.counts)) * (self.along.max() + 1.0))
+
+    @property
+    def lifted(self) -> FloatArray:
+        """(n,) arc lengths so lifted."""
+        return self.along + self.lift.repeat(self.counts)
 
     @property
     def first(self) -> IntArray:
         """(m,) first sample of each curve."""
-        return self.count.cumsum() - self.count
+        return self.counts.cumsum() - self.counts
 
     @property
     def last(self) -> IntArray:
         """(m,) last sample of each curve."""
-        return self.count.cumsum() - 1
+        return self.counts.cumsum() - 1
 
     def take(self, curves: IntArray) -> _Samples:
         """Only the samples of some curves."""
-        count = self.count[curves]
+        count = self.counts[curves]
         rows = _ranges(self.first[curves], count)
-        return _Samples(
-            self.points[rows],
-            self.along[rows],
-            self.heading[rows],
-            self.course[rows],
-            self.middle[rows],
-            self.width[rows],
-            self.weight[rows],
-            count,
-        )
+        return _Samples._make([*(column[rows] for column in self[:-1]), count])
 
 
 def _ranges(first: IntArray, count: IntArray) -> IntArray:
@@ -134,6 +139,11 @@ def _ranges(first: IntArray, count: IntArray) -> IntArray:
     stop = count.cumsum()
     total = int(stop[-1]) if len(stop) else 0
     return np.asarray(np.arange(total) + (first - stop + count).repeat(count))
+
+
+def _heads(numbers: IntArray) -> IntArray:
+    """Where runs of equal numbers begin."""
+    return np.flatnonzero(np.append(True, numbers[1:] != numbers[:-1]))
 
 
 def _measured(curve: Curve) -> tuple[FloatArray, ...]:
@@ -235,7 +245,7 @@ class _Spline(NamedTuple):
 def _spline(it: _Samples, knots: _Knots) -> _Spline:
     """Splines of least squares with given knots."""
     rows, width = knots.along.shape
-    owner = np.arange(rows).repeat(it.count)
+    owner = it.owner
     span = _spans(it, knots)
     basis, slopes = _bases(it.along, knots, owner, span)
     flat, size = owner * (width + 1) + span, rows * (width + 1)
@@ -243,7 +253,7 @@ def _spline(it: _Samples, knots: _Knots) -> _Spline:
     target = it.course + it.middle
     # coefficients that no span has are zero
     band, wanted = np.zeros((3, size)), np.zeros(size)
-    begin = np.flatnonzero(np.append(True, flat[1:] != flat[:-1]))
+    begin = _heads(flat)
     at = flat[begin]
     for low in range(3):
         lateral, angular = near * basis[low], straight * slopes[low]
@@ -274,11 +284,9 @@ def _strayed(turn: FloatArray) -> FloatArray:
 def _spans(it: _Samples, knots: _Knots) -> IntArray:
     """(n,) in which span each sample is."""
     rows, width = knots.along.shape
-    lift = 2.0 * np.arange(rows) * (it.along.max() + 1.0)
-    lifted = (knots.along + lift[:, None]).ravel()
-    found = lifted.searchsorted(it.along + lift.repeat(it.count), side="right") - 1
-    found -= (np.arange(rows) * width).repeat(it.count)
-    return np.asarray(np.clip(found, 0, (knots.parts - 1).repeat(it.count)))
+    found = (knots.along + it.lift[:, None]).ravel().searchsorted(it.lifted, side="right") - 1
+    found -= (np.arange(rows) * width).repeat(it.counts)
+    return np.asarray(np.clip(found, 0, (knots.parts - 1).repeat(it.counts)))
 
 
 def _bases(
@@ -309,8 +317,8 @@ def _at_knots(found: FloatArray, knots: _Knots) -> tuple[FloatArray, FloatArray]
 def _worst(off: FloatArray, it: _Samples, knots: _Knots, span: IntArray) -> FloatArray:
     """(m, k - 1) how far off each span is at most, in tolerances."""
     rows, width = knots.along.shape
-    flat = np.arange(rows).repeat(it.count) * (width - 1) + span
-    begin = np.flatnonzero(np.append(True, flat[1:] != flat[:-1]))
+    flat = it.owner * (width - 1) + span
+    begin = _heads(flat)
     result = np.zeros(rows * (width - 1))
     result[flat[begin]] = np.maximum.reduceat(off, begin)
     return result.reshape(rows, width - 1)
@@ -351,44 +359,24 @@ def _arcs(it: _Samples, knots: _Knots, spline: _Spline) -> _Arcs:
     # one after the other, so that wider rows do not matter to the last bit
     first = np.where(real, sign * wish - own, 0.0).cumsum(axis=1)[:, -1] / knots.parts
     sweep = np.where(real, sign * (own + first[:, None]), 0.0)
-    owner = np.arange(rows).repeat(it.count)
+    owner = it.owner
     place = owner * (width - 1) + spline.span
-    beside = _beside(
-        it.points - points.reshape(-1, 2)[owner * width + spline.span], chord, sweep, place
-    )
+    offset = it.points - points.reshape(-1, 2)[owner * width + spline.span]
+    flat = sweep.ravel()[place]
+    beside = -left_of_arcs(offset, chord.reshape(-1, 2)[place], flat / 2)
     begin = knots.along[:, :-1].ravel()[place]
     size = (knots.along[:, 1:] - knots.along[:, :-1]).ravel()[place]
     share = (it.along - begin) / size - 0.5
-    course = bearing.ravel()[place] + sweep.ravel()[place] * share
+    course = bearing.ravel()[place] + flat * share
     off = np.abs(beside - it.middle) / it.width
     off[it.first] = off[it.last] = 0.0
     return _Arcs(points, sweep, np.maximum(off, _strayed(wrapped(course - it.heading))))
 
 
-def _beside(
-    offset: FloatArray, chord: FloatArray, sweep: FloatArray, place: IntArray
-) -> FloatArray:
-    """(n,) how far to the left of samples the arcs at given places are, mm.
-
-    `offset` (n, 2) is that of the samples from where their arcs begin.
-    """
-    size = np.maximum(np.hypot(chord[..., 0], chord[..., 1]), 1e-300)
-    ahead = (chord / size[..., None]).reshape(-1, 2)[place]
-    bend = (2 * np.sin(sweep / 2) / size).ravel()[place]
-    sine, cosine = np.sin(sweep / 2).ravel()[place], np.cos(sweep / 2).ravel()[place]
-    along = offset[:, 0] * ahead[:, 0] + offset[:, 1] * ahead[:, 1]
-    left = offset[:, 1] * ahead[:, 0] - offset[:, 0] * ahead[:, 1]
-    # the power of the sample with respect to the circle, times the curvature: lines as well
-    power = bend * (along**2 + left**2) - 2 * (left * cosine + along * sine)
-    return np.asarray(power / (1 + np.sqrt(np.maximum(1 + bend * power, 0.0))))
-
-
 def _places(it: _Samples, knots: _Knots, value: FloatArray) -> FloatArray:
     """(m, k, 2) places of knots beside the samples."""
-    rows, width = knots.along.shape
-    lift = 2.0 * np.arange(rows) * (it.along.max() + 1.0)
-    lifted = it.along + lift.repeat(it.count)
-    low = lifted.searchsorted(knots.along + lift[:, None], side="right") - 1
+    width = knots.along.shape[1]
+    low = it.lifted.searchsorted(knots.along + it.lift[:, None], side="right") - 1
     low = np.clip(low, it.first[:, None], it.last[:, None] - 1)
     gone, step = knots.along - it.along[low], it.along[low + 1] - it.along[low]
     course = (it.course[low + 1] - it.course[low]) / step
@@ -428,14 +416,14 @@ def fewest_arcs(curves: Sequence[Curve]) -> list[Path]:
         tries[more] = 0
         growth = np.maximum((worst > 1.0).sum(axis=1) // GROWTH, knots.parts // STRIDE)
         parts = knots.parts + more * np.maximum(1, growth)
-        stuck = ~done & more & (knots.parts == it.count - 1)
+        stuck = ~done & more & (knots.parts == it.counts - 1)
         for row in stuck.nonzero()[0].tolist():
             off = spline.off[it.first[row] + 1 : it.last[row]]
             halves = _halves(curves[active[row]], int(off.argmax()) + 1)
             paths[int(active[row])] = join(*fewest_arcs(halves))
         rest = (~done & ~stuck).nonzero()[0]
         if len(rest):
-            parts = np.minimum(parts, it.count - 1)[rest]
+            parts = np.minimum(parts, it.counts - 1)[rest]
             knots = _moved(_Knots(knots.along[rest], knots.parts[rest]), worst[rest], parts)
         it, active, tries = it.take(rest), active[rest], tries[rest]
     return [paths[row] for row in range(len(curves))]
@@ -453,10 +441,7 @@ def _begun(curves: Sequence[Curve]) -> tuple[_Samples, _Knots]:
     """Curves of three samples or more measured, and fewer knots than they are likely to need."""
     columns = [_measured(curve) for curve in curves]
     count = np.array([len(curve.points) for curve in curves])
-    points, along, heading, course, middle, width, weight = (
-        np.concatenate(column) for column in zip(*columns, strict=True)
-    )
-    it = _Samples(points, along, heading, course, middle, width, weight, count)
+    it = _Samples._make([*map(np.concatenate, zip(*columns, strict=True)), count])
     need = _needed(it)
     turn = np.maximum.reduceat(it.heading, it.first) - np.minimum.reduceat(it.heading, it.first)
     least = np.maximum(np.floor(HOPEFUL * need[it.last]), np.ceil(turn / MOST_TURN))
@@ -471,7 +456,7 @@ def _laid(
     if not len(chosen):
         return
     own = _Knots(knots.along[chosen], knots.parts[chosen])
-    rows = _ranges(it.first[chosen], it.count[chosen])
+    rows = _ranges(it.first[chosen], it.counts[chosen])
     some = it.take(chosen)
     arcs = _arcs(
         some,

@@ -41,7 +41,6 @@ LEAST = 1e-9
 SHORT = 0.02
 """Parts of a cut along walls that are shorter are left out, as a part of the tool radius."""
 
-
 STRAY = 1.5
 """How far along a ring from its nearest sample a cut may meet it, in steps."""
 

@@ -257,6 +257,31 @@ def arc_centres(begin: FloatArray, end: FloatArray, sweep: FloatArray) -> FloatA
     return np.asarray((begin + end + normal * cot[:, None]) / 2)
 
 
+def left_of_arcs(offset: FloatArray, chord: FloatArray, half: FloatArray) -> FloatArray:
+    """(n,) how far to the left of arcs, or of their circles, points lie, mm; of lines as well.
+
+    With curvature c and the start tangent's normal n, 2 f / (1 + sqrt(1 - 2 c f)) for
+    f = n.w - c w^2 / 2 is the distance, and n.w when c is zero.
+
+    Parameters
+    ----------
+    offset, chord : (n, 2) float arrays
+        From where the arcs begin to the points (w), and to where they end, mm.
+    half : (n,) float array
+        Half their sweeps, radians.
+    """
+    size = np.maximum(np.hypot(*chord.T), 1e-300)
+    unit = chord / size[:, None]
+    cos, sin = np.cos(half), np.sin(half)
+    tangent_x = cos * unit[:, 0] + sin * unit[:, 1]
+    tangent_y = -sin * unit[:, 0] + cos * unit[:, 1]
+    bend = 2.0 * sin / size
+    height = tangent_x * offset[:, 1] - tangent_y * offset[:, 0]
+    height = height - 0.5 * bend * np.sum(offset * offset, axis=1)
+    root = np.sqrt(np.maximum(1.0 - 2.0 * bend * height, 0.0))
+    return np.asarray(2.0 * height / (1.0 + root))
+
+
 class Pieces:
     """Lines and arcs as columns, prepared for the nearest place of each of them.
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
-from grassfire.plan.path import BoolArray, IntArray, Path
+from grassfire.plan.path import BoolArray, IntArray, Path, arc_centres, left_of_arcs
 from grassfire.toolpath import FloatArray
 
 REACH = 4.0
@@ -45,24 +43,12 @@ def smoothed(points: FloatArray, width: float, closed: bool) -> FloatArray:
     mean of its neighbours; neighbouring laps move alike, so that their distance hardly changes.
     A closed run has its first point again at its end.
     """
+    from scipy.ndimage import gaussian_filter1d
+
     if closed:
-        inner = _weighed(points[:-1], width, "wrap")
+        inner = gaussian_filter1d(points[:-1], width, axis=0, mode="wrap", truncate=REACH)
         return np.concatenate([inner, inner[:1]])
-    return _weighed(points, width, "edge")
-
-
-def _weighed(points: FloatArray, width: float, mode: Literal["wrap", "edge"]) -> FloatArray:
-    """Points (m, 2) under a Gaussian; beyond the ends as `numpy.pad` has it."""
-    reach = int(REACH * width + 0.5)
-    weight = np.exp(-0.5 / (width * width) * np.arange(-reach, reach + 1) ** 2)
-    weight /= weight.sum()
-    padded = np.pad(points, ((reach, reach), (0, 0)), mode=mode)
-    count = len(points)
-    total = padded[reach : reach + count] * weight[reach]
-    for index in range(reach):
-        far = 2 * reach - index
-        total += (padded[index : index + count] + padded[far : far + count]) * weight[index]
-    return np.asarray(total)
+    return np.asarray(gaussian_filter1d(points, width, axis=0, mode="nearest", truncate=REACH))
 
 
 def blunted(points: FloatArray, side: float) -> FloatArray:
@@ -212,32 +198,10 @@ def _deviation_within(
     start = np.where(side[:, None], points[first][owner], middle[owner])
     end = np.where(side[:, None], middle[owner], points[second][owner])
     half = np.where(side, one[owner], two[owner])
-    away = _from_arc(place, start, end, half)
+    away = np.abs(left_of_arcs(place - start, end - start, half))
     bad = owner[away > tolerance[row]]
     good[bad] = False
     return good
-
-
-def _from_arc(
-    place: FloatArray, start: FloatArray, end: FloatArray, half: FloatArray
-) -> FloatArray:
-    """(k,) distance of points to circles given by chords and half sweeps.
-
-    With curvature c and the start tangent's normal n, 2 f / (1 + sqrt(1 - 2 c f)) for
-    f = n.w - c w^2 / 2 is the distance, and n.w when c is zero.
-    """
-    chord = end - start
-    size = np.maximum(np.hypot(*chord.T), 1e-300)
-    unit = chord / size[:, None]
-    cos, sin = np.cos(half), np.sin(half)
-    tangent_x = cos * unit[:, 0] + sin * unit[:, 1]
-    tangent_y = -sin * unit[:, 0] + cos * unit[:, 1]
-    bend = 2.0 * sin / size
-    arm = place - start
-    offset = tangent_x * arm[:, 1] - tangent_y * arm[:, 0]
-    offset = offset - 0.5 * bend * np.sum(arm * arm, axis=1)
-    root = np.sqrt(np.maximum(1.0 - 2.0 * bend * offset, 0.0))
-    return np.asarray(np.abs(2.0 * offset / (1.0 + root)))
 
 
 def _path(points: FloatArray, tangents: FloatArray, first: IntArray, second: IntArray) -> Path:
@@ -252,9 +216,7 @@ def _path(points: FloatArray, tangents: FloatArray, first: IntArray, second: Int
     starts, chord, size, sweep = ends[:-1][keep], chord[keep], size[keep], sweep[keep]
     radius = 0.5 * size / np.maximum(np.abs(np.sin(0.5 * sweep)), 1e-300)
     sweep = np.where((radius > FLAT) | (size < SHORT), 0.0, sweep)
-    normal = np.stack([-chord[:, 1], chord[:, 0]], axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        centre = starts + 0.5 * chord + normal * (0.5 / np.tan(0.5 * sweep))[:, None]
+    centre = arc_centres(starts, starts + chord, sweep)
     centre[sweep == 0.0] = np.nan
     return Path(np.concatenate([starts, ends[-1:]]), centre, sweep)
 

@@ -130,8 +130,8 @@ def _shared(pieces: Pieces, level: BoolArray) -> list[Shared]:
             if missed == _MISSES:
                 break
         if found:
-            result.append(Shared({other: every[part] for other, part in
-                                  {first: common, **found}.items()}))  # fmt: skip
+            found = {first: common, **found}
+            result.append(Shared({number: every[part] for number, part in found.items()}))
             parts = {number: part for number, part in parts.items() if number > max(found)}
     return result
 
