@@ -540,16 +540,19 @@ def _cut(
     row = np.repeat(np.arange(len(parts)), parts)
     index = np.arange(len(row)) - np.repeat(np.cumsum(parts) - parts, parts)
     low, high = index / parts[row], (index + 1) / parts[row]
-    fraction = low[:, None] + (high - low)[:, None] * NODES
-    facing = _values(interpolate_to_bezier(pieces.facing[..., None])[row], TOP, fraction)[..., 0]
-    table = np.zeros((len(row), *pieces.table.shape[1:]))
     degree = pieces.degree[row]
-    for value in np.unique(degree):
-        members = np.flatnonzero(degree == value)
-        source = pieces.table[row[members], : value + 1]
-        at = low[members, None] + (high - low)[members, None] * nodes(int(value))
-        values = _values(source, int(value), at)
-        table[members, : value + 1] = interpolate_to_bezier(values)
+    facing = np.empty((len(row), TOP + 1))
+    table = np.zeros((len(row), *pieces.table.shape[1:]))
+    # Pieces of one degree in as many parts have their parts from one matrix.
+    group, own = parts * (TOP + 1) + pieces.degree, parts[row] * (TOP + 1) + degree
+    for number in np.unique(group):
+        count, value = divmod(int(number), TOP + 1)
+        members, source = np.flatnonzero(own == number), np.flatnonzero(group == number)
+        at = _subdivision(TOP, count) @ interpolate_to_bezier(np.eye(TOP + 1))
+        facing[members] = (pieces.facing[source] @ at.T).reshape(-1, TOP + 1)
+        control = interpolate_to_bezier(_subdivision(value, count).reshape(count, -1, value + 1))
+        every = control.reshape(-1, value + 1) @ pieces.table[source, : value + 1]
+        table[members, : value + 1] = every.reshape(len(members), value + 1, -1)
     inner = np.flatnonzero(index > 0)
     before = inner - 1
     # Exact disks at the joints; the polynomials meet at their own.
@@ -570,6 +573,7 @@ def _cut(
     )
 
 
-def _values(table: FloatArray, degree: int, fraction: FloatArray) -> FloatArray:
-    """(k, n, d) values of polynomials (k, degree + 1, d) at fractions (k, n)."""
-    return np.asarray(bernstein(degree, fraction) @ table)
+def _subdivision(degree: int, parts: int) -> FloatArray:
+    """Bernstein polynomials at the Chebyshev points of even parts, one part below the other."""
+    place = (np.arange(parts)[:, None] + nodes(degree)) / parts
+    return bernstein(degree, place.ravel())
