@@ -64,7 +64,7 @@ LEAST_HELIX = 0.1
 MOST_LENGTH = 20.0
 """Longest cut of a pocket, as a multiple of area over stepover: more is a fault."""
 
-MARGIN = 0.006
+MARGIN = 0.0085
 """How far below the limit cuts are laid out, radians: for chords, fits and rounding."""
 
 WIDE = 0.95
@@ -523,6 +523,7 @@ class AdaptivePocket:
     ) -> tuple[FloatArray, float]:
         """Write a cut and bring cleared area and fronts up to date; the first front was cut."""
         self._length += length(cut.points)
+        cut = sense.led(cut, place)
         way = None if cut.begin is None else straight(place, cut.begin)
         if way is not None:
             self._stroke(StrokeKind.FEED, way, Role.CUT)

@@ -24,14 +24,14 @@ from grassfire.plan.path import IntArray, Path, arc_centres, join, left_of_arcs,
 from grassfire.plan.pursuit import unit, wrapped
 from grassfire.toolpath import FloatArray
 
-ASTRAY, AWAY = np.radians(1.2), np.radians(6.0)
+ASTRAY, AWAY = np.radians(1.8), np.radians(6.0)
 """How far the heading of arcs may turn from that of the curve to the right, and to the left, where
 a cut takes less, radians."""
 
 HOPEFUL = 0.75
 """How many knots are tried first, as a part of how many an even spread would need."""
 
-PATIENCE = 6
+PATIENCE = 20
 """How often knots are moved before there is one more of them."""
 
 HOPELESS = 4.0
@@ -49,11 +49,15 @@ GROWTH, STRIDE = 3, 25
 PIN = 1e9
 """Weight of the ends of a curve, which stay where they are."""
 
-RIDGE = 1e-9
+RIDGE = 1e-5
 """Weight that keeps splines definite where a span has no sample, and needs above zero."""
 
 SLACK = 1.02
 """How far off arcs may be whose spline is within tolerance, in tolerances."""
+
+DIGITS = 7
+"""Samples are rounded to so many decimals, mm: how knots move makes differences in the last bit
+grow, and the same cut seen in a mirror or reckoned in another order is to get the same arcs."""
 
 FLAT = 1e-6
 """Arcs of less sweep times length than this are lines, mm; their bow is an eighth of it."""
@@ -148,7 +152,7 @@ def _heads(numbers: IntArray) -> IntArray:
 
 def _measured(curve: Curve) -> tuple[FloatArray, ...]:
     """Columns of `_Samples` of one curve."""
-    points, right, left = curve
+    points, right, left = (np.round(column, DIGITS) for column in curve)
     chord = points[1:] - points[:-1]
     size = np.hypot(chord[:, 0], chord[:, 1])
     bearing = np.arctan2(chord[:, 1], chord[:, 0])
@@ -407,8 +411,10 @@ def fewest_arcs(curves: Sequence[Curve]) -> list[Path]:
         spline = _spline(it, knots)
         worst = _worst(spline.off, it, knots, spline.span)
         most = worst.max(axis=1)
-        for row, path in _laid(it, knots, spline, (most <= 1.0).nonzero()[0]):
-            paths[int(active[row])] = path
+        for row, points, sweep in _laid(it, knots, spline, (most <= 1.0).nonzero()[0]):
+            number = int(active[row])
+            points[[0, -1]] = curves[number].points[[0, -1]]
+            paths[number] = _as_path(points, sweep)
         done = np.array([row in paths for row in active.tolist()])
         tries += 1
         # splines within tolerance whose arcs are not need another knot as well
@@ -451,8 +457,8 @@ def _begun(curves: Sequence[Curve]) -> tuple[_Samples, _Knots]:
 
 def _laid(
     it: _Samples, knots: _Knots, spline: _Spline, chosen: IntArray
-) -> Iterator[tuple[int, Path]]:
-    """Of some curves those whose arcs are within tolerance, with their paths."""
+) -> Iterator[tuple[int, FloatArray, FloatArray]]:
+    """Of some curves those whose arcs are within tolerance, with ends and sweeps of these."""
     if not len(chosen):
         return
     own = _Knots(knots.along[chosen], knots.parts[chosen])
@@ -466,10 +472,7 @@ def _laid(
     most = np.maximum.reduceat(arcs.off, some.first)
     for number in (most <= SLACK).nonzero()[0].tolist():
         parts = int(own.parts[number])
-        yield (
-            int(chosen[number]),
-            _as_path(arcs.points[number, : parts + 1], arcs.sweep[number, :parts]),
-        )
+        yield int(chosen[number]), arcs.points[number, : parts + 1], arcs.sweep[number, :parts]
 
 
 def _as_path(points: FloatArray, sweep: FloatArray) -> Path:

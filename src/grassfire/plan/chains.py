@@ -17,7 +17,7 @@ from grassfire.plan.tracing import SKIM, Piece
 from grassfire.plan.walls import Walls
 from grassfire.toolpath import FloatArray
 
-OPEN = 0.005
+OPEN = 0.009
 """How far cuts may lie beside the exact way away from walls, as a part of the tool radius."""
 
 NEAREST = 0.3
@@ -44,6 +44,9 @@ SHORT = 0.02
 STRAY = 1.5
 """How far along a ring from its nearest sample a cut may meet it, in steps."""
 
+ALONG = 0.98
+"""Cosine of the largest angle at which a cut through the open may be begun a step before it."""
+
 
 @dataclass
 class _Run:
@@ -59,6 +62,8 @@ class _Run:
         First and last sample of the wall.
     before, after : float
         How far on from these it begins and ends, mm.
+    origin : (2,) float array or None
+        Where exactly it begins, if that is known, mm.
     path : Path or None
         As lines and arcs, once that is known; None where it is too short.
     """
@@ -69,6 +74,7 @@ class _Run:
     ring: tuple[int, int] | None = None
     before: float = 0.0
     after: float = 0.0
+    origin: FloatArray | None = None
     path: Path | None = None
 
     def with_ends(self, begin: FloatArray | None, end: FloatArray | None, least: float) -> None:
@@ -143,7 +149,7 @@ class Writer:
             if run.ring is not None:
                 self._lay(run, run.ring, number == 0, number == len(runs) - 1)
         result: list[_Run] = []
-        place: FloatArray | None = None
+        place = runs[0].origin if runs else None
         for number, run in enumerate(runs):
             if run.ring is None:
                 after = runs[number + 1].points[0] if number + 1 < len(runs) else None
@@ -173,8 +179,36 @@ class Writer:
                 if ring is not None and last.ring is not None:
                     ring = last.ring[0], ring[1]
                 own = _joined(before, own)
-            runs.append(_Run(*own, ring))
+                runs.append(_Run(*own, ring, last.before, origin=last.origin))
+                continue
+            behind = 0.0
+            if ring is not None and piece.origin is not None:
+                behind = self._behind(piece, piece.origin) or 0.0
+            runs.append(_Run(*own, ring, -behind, origin=piece.origin))
         return runs
+
+    def leads(self, piece: Piece, place: FloatArray) -> bool:
+        """Whether a piece can begin at a place that is hardly a step before it.
+
+        One along a ring, on the ring; one through the open where that way hardly turns.
+        """
+        if not piece.free:
+            return self._behind(piece, place) is not None
+        gap = piece.points - place
+        far = np.hypot(gap[:, 0], gap[:, 1])
+        ahead = unit(piece.heading[far <= 2 * far[0]]) @ gap[0]
+        near = LEAST < far[0] <= STRAY * self._step
+        return bool(near and ahead.min() > ALONG * far[0])
+
+    def _behind(self, piece: Piece, place: FloatArray) -> float | None:
+        """How far before the first sample of a piece a place on its ring is, mm; None elsewhere."""
+        back, sample = 0.0, int(piece.samples[0])
+        ahead = unit(float(piece.heading[0]))
+        for _ in range(3):
+            gap = self._walls.beside(sample, -back) - place
+            back += float(gap @ ahead)
+        on = math.hypot(*gap.tolist()) <= LEAST
+        return back if on and LEAST < back <= STRAY * self._step else None
 
     def _go_on(self, last: _Run, ring: tuple[int, int] | None) -> bool:
         """Whether a piece, along a ring or in the open, goes on where a run has ended."""
@@ -209,6 +243,8 @@ class Writer:
             run.path = self._walls.slice(*ring, run.before, run.after)
         if run.path is not None:
             run.points = run.path.points[[0, -1]]
+            if run.origin is not None:
+                run.path = _begun(run.path, run.origin)
         elif first or last:
             run.points = run.points[:1] if first else run.points[-1:]
         else:
@@ -258,6 +294,13 @@ class Writer:
             rows = near[self._walls.clearance(beside) < self._walls.wall - SKIM]
             side[rows] = np.minimum(self._open, np.maximum(room[rows], 0.0) + SKIM)
         return sides[0], sides[1]
+
+
+def _begun(path: Path, place: FloatArray) -> Path:
+    """A path begun at a place that is its start but for rounding, perhaps beside a joint."""
+    first = 1 if len(path) > 1 and path.lengths[0] <= LEAST else 0
+    points = np.concatenate([place[None], path.points[first + 1 :]])
+    return Path(points, path.centre[first:], path.sweep[first:])
 
 
 def _gaps(points: FloatArray) -> FloatArray:

@@ -8,9 +8,11 @@ from functools import cached_property
 import numpy as np
 
 from grassfire.medial import MedialAxis
+from grassfire.plan.arcs import Curve, fewest_arcs
 from grassfire.plan.fronts import Front, Fronts, box, touched, touching
 from grassfire.plan.link import straight
 from grassfire.plan.path import BoolArray, IntArray, Path, join, turned
+from grassfire.plan.pursuit import wrapped
 from grassfire.plan.roadmap import RoadMap
 from grassfire.plan.smooth import rounded, tangent_link, two_arcs
 from grassfire.plan.tracing import Start
@@ -31,6 +33,12 @@ SLIVER = 0.03
 
 AROUND, WALL_GAP = 1.5, 0.1
 """How much longer than straight a way along the wall may be; how near to it its ends are, in R."""
+
+PLAIN, OFF = 3, 0.02
+"""Pieces of ways along walls that are not made fewer; how far off the wall these are, in R."""
+
+CORNER = 0.5
+"""Turn from one place on a wall to the next from which on there is a corner, radians."""
 
 PROBE, ARC_PROBE = 0.1, 0.015
 """Distance of the places that are looked at on straight ways and on the tightest arcs, in tool
@@ -138,9 +146,25 @@ class Returns:
         ring = walls.slice(high, low) if back else walls.slice(low, high)
         if ring is None:
             return None
-        way = ring.reversed() if back else ring
+        way = self._eased(ring)
+        if back:
+            way = way.reversed()
         ends = (straight(place, way.start), way, straight(way.end, end))
         return join(*(part for part in ends if part is not None))
+
+    def _eased(self, ring: Path) -> Path:
+        """Part of a smooth ring in fewer arcs, if there are, a little off the wall on its right."""
+        if len(ring) <= PLAIN:
+            return ring
+        parts = max(FEW, int(np.ceil(ring.length / (PROBE * self._radius))))
+        points = ring.at(np.linspace(0.0, ring.length, parts + 1))
+        chord = points[1:] - points[:-1]
+        bearing = np.arctan2(chord[:, 1], chord[:, 0])
+        if np.abs(wrapped(bearing[1:] - bearing[:-1])).max() > CORNER:
+            return ring
+        near, off = np.full(len(points), SLACK / 2), np.full(len(points), OFF * self._radius)
+        way = fewest_arcs([Curve(points, near, off)])[0]
+        return way if len(way) < len(ring) else ring
 
     def across(self, start: FloatArray, end: FloatArray) -> Path | None:
         """A way over the road map between two places, all in the drawing, its corners rounded."""

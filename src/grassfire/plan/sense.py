@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -82,6 +83,22 @@ class Sense:
                 _reflected(start),
                 lambda places, reach: others(mirrored(places), reach),
             )
+        )
+
+    def led(self, cut: Cut, place: FloatArray) -> Cut:
+        """A cut that begins where the tool is, if that is hardly a step before it."""
+        own = mirrored(place) if self.against else place
+        first = next((row for row, piece in enumerate(cut.pieces) if piece.long), None)
+        if first is None or not self._writer.leads(cut.pieces[first], own):
+            return cut
+        pieces = list(cut.pieces[first:])
+        pieces[0] = replace(pieces[0], origin=own)
+        return cut._replace(
+            pieces=pieces,
+            begin=place,
+            points=np.concatenate([place[None], cut.points]),
+            heading=np.concatenate([cut.heading[:1], cut.heading]),
+            room=np.concatenate([cut.room[:1], cut.room]),
         )
 
     def paths(self, cuts: Sequence[Cut]) -> list[Path]:

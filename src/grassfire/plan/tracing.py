@@ -95,12 +95,15 @@ class Piece:
         Clearance beyond that of the wall, or less, mm.
     samples : (n,) int array
         Indices of wall samples; empty for free pieces.
+    origin : (2,) float array or None
+        Place before the first sample, on the ring along one, where it begins instead, mm.
     """
 
     points: FloatArray
     heading: FloatArray
     room: FloatArray
     samples: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    origin: FloatArray | None = None
 
     @property
     def free(self) -> bool:
