@@ -40,6 +40,7 @@ from grassfire.plan.pursuit import unit, wrapped
 from grassfire.plan.smooth import rounded, tangent_link, two_arcs
 from grassfire.plan.strategy import ClearingSettings
 from grassfire.plan.strokes import Stroke, StrokeKind
+from grassfire.plan.tracing import Start, Tracer
 from grassfire.plan.walls import Walls, mirrored, mirrored_path
 from grassfire.report import Finding
 from grassfire.toolpath import FloatArray, Role
@@ -578,6 +579,24 @@ def test_curves_other_than_lines_and_arcs_are_left_to_the_axis() -> None:
     assert walls.clearance(places) == pytest.approx(room + 3.0)
 
 
+def test_a_cut_along_a_wall_ends_before_stock_of_another_front() -> None:
+    """A film along the wall leads straight into stock that fills the pocket from x = 5 on."""
+    axis = medial_axis(Region(box(-15, -10, 15, 10), ()))
+    corners = np.array([[-12, -7], [12, -7], [12, 7], [-12, 7], [-12, -7]], dtype=float)
+    ring = Path(corners, np.full((4, 2), np.nan), np.zeros(4))
+    walls = Walls(axis, [ring], wall=3.0, step=0.15)
+    tracer = Tracer(walls, RADIUS, np.radians(78.0), 0.1)
+    along = np.arange(-6.0, 9.0, 0.15)
+    film = np.stack([along, np.full(len(along), -9.7)], axis=1)
+    stock = np.stack([np.full(100, 5.0), np.linspace(-9.9, 9.9, 100)], axis=1)
+    first = walls.nearest(np.array([-6.0, -7.0]))
+    start = Start(first, walls.points[first], 0.0)
+    for others, end in ((np.zeros((0, 2)), 8.9), (stock, 2.0)):
+        cut = tracer.cut(film, start, lambda places, reach, others=others: others)
+        last = cut[-1].points[-1]
+        assert last == pytest.approx([end, -7.0], abs=0.3)
+
+
 def test_mirrored_paths_turn_the_other_way() -> None:
     path = Path(np.array([[2.0, 0], [0, 2.0]]), np.zeros((1, 2)), np.array([np.pi / 2]))
     image = mirrored_path(path)
@@ -711,6 +730,8 @@ def test_two_arcs_are_tangent_and_turn_left(
 
 def test_no_link_between_a_place_and_itself() -> None:
     assert tangent_link(np.ones(2), 0.5, np.ones(2), 0.5, 1.0) is None
+    for end in (np.zeros(2), np.array([0.0, 2e-225]), np.array([5e-10, 0.0])):
+        assert two_arcs(np.zeros(2), 0.0, end, 2.0) is None
 
 
 def test_rounded_chains_have_no_corners_and_stay_near() -> None:

@@ -420,7 +420,7 @@ class AdaptivePocket:
         index, start = chosen // len(self._senses), starts[chosen]
         sense = self._senses[chosen % len(self._senses)]
         front, others = self._fronts[index], self._fronts.without(index)
-        cut = sense.cut(front.points, start, others.within)
+        cut = sense.cut(front.points, start, others.about)
         if cut.begin is None:
             # nothing to cut there that a sample tells from nothing
             self._behead(index, sense)

@@ -147,6 +147,15 @@ class Fronts(Sequence[Front]):
         around = box(places)
         return touching(places, around, [(front, reach) for front in self.near(around, reach)])
 
+    def about(self, places: FloatArray, reach: float) -> FloatArray:
+        """(m, 2) points of all that may be nearer than `reach` mm to some places."""
+        around = box(places)
+        found = [
+            front.points.take(_around(front.points, around, reach).nonzero()[0], axis=0)
+            for front in self.near(around, reach)
+        ]
+        return np.concatenate(found) if found else np.zeros((0, 2))
+
     def without(self, index: int) -> Fronts:
         """All but one."""
         items = self._items[:index] + self._items[index + 1 :]

@@ -81,7 +81,7 @@ class Sense:
             self._tracer.cut(
                 _image(front),
                 _reflected(start),
-                lambda places, reach: others(mirrored(places), reach),
+                lambda places, reach: mirrored(others(mirrored(places), reach)),
             )
         )
 

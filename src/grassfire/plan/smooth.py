@@ -16,6 +16,9 @@ MOST_ARC = math.radians(200.0)
 LEAST_ARC = 1e-3
 """Smallest sweep of it, radians."""
 
+SAME = 1e-9
+"""Places that are nearer to each other are one, mm."""
+
 _NOWHERE = math.nan, math.nan
 
 
@@ -61,7 +64,9 @@ def tangent_link(
 
 
 def two_arcs(start: FloatArray, leave: float, end: FloatArray, arrive: float) -> Path | None:
-    """Two arcs to the left, from one heading into another; None where one would turn right.
+    """Two arcs to the left, from one heading into another.
+
+    None where one would turn right, or the places are the same to 1e-9 mm.
 
     Both tangent arms are equally long: with V = end - begin, T = t0 + t1, the arm d solves
     V.V - 2 d V.T - 2 d^2 (1 - t0.t1) = 0 (Bolton 1975, "Biarc curves"). Parameters as those of
@@ -73,6 +78,8 @@ def two_arcs(start: FloatArray, leave: float, end: FloatArray, arrive: float) ->
     along = x * (first[0] + last[0]) + y * (first[1] + last[1])
     bend = 2 * (1 - first[0] * last[0] - first[1] * last[1])
     size = x * x + y * y
+    if size <= SAME**2:
+        return None
     arm = size / max(along + math.sqrt(along**2 + bend * size), 1e-300)
     # from the start to the joint, and from there to the end
     one = (x + arm * (first[0] - last[0])) / 2, (y + arm * (first[1] - last[1])) / 2

@@ -66,8 +66,11 @@ most that it may turn."""
 SLACK = 0.05
 """How much less than the width of the tool fronts between walls may span, as a part of it."""
 
-Near = Callable[[FloatArray, float], BoolArray]
-"""Which places (n, 2) have stock of other fronts nearer than a distance, mm."""
+Near = Callable[[FloatArray, float], FloatArray]
+"""Points (m, 2) of other fronts that may be nearer to places (n, 2) than a distance, mm."""
+
+BESIDES = np.radians(6.0)
+"""How far past the limit the stock of another front may reach where a cut goes on, radians."""
 
 
 class Start(NamedTuple):
@@ -124,9 +127,8 @@ class _Cut:
 
     `lap` is the first piece of the lap of a spiral whose edge is not yet part of the front, or -1;
     `real` the number of points of the front that are to be cut, without its straight extension;
-    `limit` is its engagement, radians; `others` tells
-    which places are near other fronts; `tail` tells
-    how much of the front of a spiral need not be cut.
+    `limit` is its engagement, radians; `others` gives points of other fronts near places; `tail`
+    tells how much of the front of a spiral need not be cut.
     """
 
     front: FloatArray
@@ -406,10 +408,25 @@ class Tracer:
             angle = touch.engagement[late]
             film = touch.found[late] & (angle >= 0) & (angle <= self._film)
             spent[late] = behind | film | (np.hypot(gap[:, 0], gap[:, 1]) > self._radius)
-        air = (~touch.found).nonzero()[0]
-        if len(air):
-            spent[air] |= cut.others(place[air], self._radius * (1 - GRAZE))
-        return _first(spent)
+        return _first(spent | self._entered(cut, samples, touch))
+
+    def _entered(self, cut: _Cut, samples: IntArray, touch: _Touch) -> BoolArray:
+        """(n,) where the tool cuts another front: past the limit, or while not its own."""
+        place, reach = self._walls.points[samples], self._radius * (1 - GRAZE)
+        points = cut.others(place, reach)
+        if not len(points):
+            return np.zeros(len(samples), dtype=bool)
+        inside = squares(place, points) < reach**2
+        row, column = inside.nonzero()
+        offset = points[column] - place[row]
+        bearing = np.arctan2(offset[:, 1], offset[:, 0])
+        angle = wrapped(bearing - self._walls.heading[samples[row]] + np.pi / 2)
+        ahead = (angle > cut.limit + BESIDES) & (angle < 0.9 * np.pi)
+        # where a cut begins it can only go on
+        ahead &= (row > 0) | bool(cut.pieces)
+        result = np.zeros(len(samples), dtype=bool)
+        result[row[ahead | ~touch.found[row]]] = True
+        return result
 
     def _slid(self, cut: _Cut, samples: IntArray) -> None:
         cut.pieces.append(
@@ -466,9 +483,9 @@ def _eased(front: FloatArray, limit: float, ease: tuple[float, float] | None) ->
     return np.asarray(np.maximum(limit * share**2 * (3 - 2 * share), min(ease[0], limit)))
 
 
-def _alone(places: FloatArray, reach: float) -> BoolArray:
+def _alone(places: FloatArray, reach: float) -> FloatArray:
     """No other front is near."""
-    return np.zeros(len(places), dtype=bool)
+    return np.zeros((0, 2))
 
 
 def _first(flags: BoolArray) -> int:
