@@ -26,6 +26,11 @@ class Region:
     islands : sequence of Loop
         Loops inside `outer`; made clockwise.
 
+    Attributes
+    ----------
+    area : float
+        mm2.
+
     Raises
     ------
     GeometryError
@@ -39,22 +44,30 @@ class Region:
 
     outer: Loop
     islands: tuple[Loop, ...] = field(default=())
+    area: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "outer", _oriented(self.outer, 1.0))
-        islands = tuple(_oriented(island, -1.0) for island in self.islands)
-        object.__setattr__(self, "islands", islands)
-        if islands:
-            xmin, ymin, xmax, ymax = self.outer.bounds()
-            slack = 1e-9 * float(np.hypot(xmax - xmin, ymax - ymin))
-            xmin, ymin, xmax, ymax = xmin - slack, ymin - slack, xmax + slack, ymax + slack
-            for island in islands:
-                left, bottom, right, top = island.bounds()
-                if left < xmin or bottom < ymin or right > xmax or top > ymax:
-                    raise GeometryError(
-                        "an island lies outside of its region",
-                        place=island.start.tolist(),
-                    )
+        given = (self.outer, *self.islands)
+        area, low, high = _measures(given)
+        empty = np.abs(area) <= 1e-14 * np.sum((high - low) ** 2, axis=1)
+        if empty.any():
+            place = given[int(np.argmax(empty))].start
+            raise GeometryError("a loop has no area", place=place.tolist())
+        slack = 1e-9 * float(np.hypot(*(high[0] - low[0])))
+        out = np.any((low < low[0] - slack) | (high > high[0] + slack), axis=1)
+        if out.any():
+            place = given[int(np.argmax(out))].start
+            raise GeometryError("an island lies outside of its region", place=place.tolist())
+        keep = area > 0.0
+        keep[1:] = ~keep[1:]
+        outer, *islands = (
+            loop if kept else loop.reversed()
+            for loop, kept in zip(given, keep.tolist(), strict=True)
+        )
+        area = np.abs(area)
+        object.__setattr__(self, "area", float(area[0] - area[1:].sum()))
+        object.__setattr__(self, "outer", outer)
+        object.__setattr__(self, "islands", tuple(islands))
 
     @property
     def loops(self) -> tuple[Loop, ...]:
@@ -76,11 +89,6 @@ class Region:
     def batch(self) -> CurveBatch:
         """All boundary curves, prepared for evaluation of many at once."""
         return CurveBatch(self.curves)
-
-    @cached_property
-    def area(self) -> float:
-        """Area in mm^2."""
-        return float(sum(loop.area for loop in self.loops))
 
     @cached_property
     def perimeter(self) -> float:
@@ -128,9 +136,22 @@ class Region:
         return self.batch.curvature(*self.locate_boundary(u))
 
 
-def _oriented(loop: Loop, sign: float) -> Loop:
-    low_high = loop.bounds()
-    extent = (low_high[2] - low_high[0]) ** 2 + (low_high[3] - low_high[1]) ** 2
-    if abs(loop.area) <= 1e-14 * extent:
-        raise GeometryError("a loop has no area", place=loop.start.tolist())
-    return loop if loop.area * sign > 0.0 else loop.reversed()
+def _measures(loops: tuple[Loop, ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(k,) signed areas, mm2, least and largest x and y of loops, (k, 2) each, mm.
+
+    Of polygons all at once.
+    """
+    corners = [loop.vertices for loop in loops]
+    polygons = [each for each in corners if each is not None]
+    if len(polygons) < len(loops):
+        box = np.array([loop.bounds() for loop in loops])
+        return np.array([loop.area for loop in loops]), box[:, :2], box[:, 2:]
+    count = np.array([len(each) for each in polygons])
+    point = np.concatenate(polygons)
+    first = count.cumsum() - count
+    x, y = (point - point[first].repeat(count, axis=0)).T
+    # each begins at its origin: what leads from one to the next has no area
+    swept = np.zeros(len(point))
+    swept[:-1] = x[:-1] * y[1:] - y[:-1] * x[1:]
+    area = 0.5 * np.add.reduceat(swept, first)
+    return area, np.minimum.reduceat(point, first), np.maximum.reduceat(point, first)
