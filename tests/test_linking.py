@@ -21,7 +21,7 @@ from grassfire.plan.operation import _feeds, _levels, _settings
 from grassfire.plan.order import by_tool, tour
 from grassfire.plan.path import Path, circle, segment
 from grassfire.plan.rings import rounded
-from grassfire.plan.roadmap import RoadMap
+from grassfire.plan.roadmap import RoadMap, tightened
 from grassfire.plan.strategy import PocketPlan
 from grassfire.plan.strokes import Emitter, Levels, Stroke, StrokeKind
 from grassfire.toolpath import MoveKind, Role, Toolpath, ToolpathBuilder
@@ -109,6 +109,29 @@ def test_ways_stay_inside(seed: int) -> None:
     assert way is not None
     assert np.array_equal(way.start, ends[0]) and np.array_equal(way.end, ends[1])
     assert axis.clearance(way.sample(0.05)[0]).min() >= wall - 2e-3
+    tight = tightened(way, inside)
+    assert np.array_equal(tight.start, ends[0]) and np.array_equal(tight.end, ends[1])
+    assert tight.length <= way.length + 1e-9
+    assert axis.clearance(tight.sample(0.05)[0]).min() >= wall - 2e-3
+
+
+def test_corners_move_inwards_as_far_as_their_sides_stay_clear() -> None:
+    """Round a square island: the way over its far side is drawn in to its corner."""
+
+    class Outside:
+        """Everything but a square about the origin."""
+
+        def holds(self, starts: Any, ends: Any, certain: Any = None) -> Any:
+            square = shapely.box(-1.0, -1.0, 1.0, 1.0)
+            ways = shapely.linestrings(np.stack([starts, ends], axis=1))
+            return ~shapely.intersects(ways, square)
+
+    corners = np.array([[-3.0, 0.0], [0.0, 9.0], [3.0, 0.0]])
+    way = Path(corners, np.full((2, 2), np.nan), np.zeros(2))
+    tight = tightened(way, Outside())
+    assert 1.5 < tight.points[1][1] < 3.0
+    straight = Path(corners + np.array([0.0, 9.0]), way.centre, way.sweep)
+    assert len(tightened(straight, Outside())) == 1
 
 
 def test_no_way_leads_through_a_closed_neck() -> None:

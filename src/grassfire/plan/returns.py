@@ -13,7 +13,7 @@ from grassfire.plan.fronts import Front, Fronts, box, touched, touching
 from grassfire.plan.link import straight
 from grassfire.plan.path import BoolArray, IntArray, Path, join, turned
 from grassfire.plan.pursuit import wrapped
-from grassfire.plan.roadmap import RoadMap
+from grassfire.plan.roadmap import RoadMap, tightened
 from grassfire.plan.smooth import rounded, tangent_link, two_arcs
 from grassfire.plan.tracing import Start
 from grassfire.plan.walls import Walls
@@ -171,6 +171,7 @@ class Returns:
         found = self.map.way(start, end, self, self._open_map())
         if found is None:
             return None
+        found = tightened(found, self)
         ways = [rounded(found, part * self._radius) for part in RADII]
         chosen = self._first_clear([self._walls.path(way) for way in ways])
         return found if chosen is None else self._walls.path(chosen)

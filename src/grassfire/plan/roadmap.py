@@ -93,6 +93,11 @@ def _extrema(axis: MedialAxis, graph: AxisGraph) -> tuple[IntArray, FloatArray]:
     return stretch, fraction[place]
 
 
+TIGHTENED, NEARER = 2, (0.1, 0.2, 0.35, 0.5, 0.7, 0.85)
+"""How often corners of ways are moved inwards; parts of their distance from the straight way that
+are tried."""
+
+
 class RoadMap:
     """Places on the medial axis of the tool's positions, and links between neighbours.
 
@@ -389,6 +394,28 @@ class RoadMap:
             nodes.append(node)
             node = int(previous[node])
         return np.array(nodes[::-1], dtype=np.int64)
+
+
+def tightened(way: Path, inside: Holding) -> Path:
+    """A way of lines, its corners moved towards the straight ways between their neighbours.
+
+    The axis leads into the middle of wide places; the shorter way is nearer to the walls.
+    """
+    chain = way.points.copy()
+    for _ in range(TIGHTENED):
+        for row in range(1, len(chain) - 1):
+            before, here, after = chain[row - 1 : row + 2]
+            along, offset = after - before, here - before
+            share = float(np.clip(offset @ along / max(float(along @ along), 1e-300), 0.0, 1.0))
+            foot = before + share * along
+            nearer = foot + np.array(NEARER)[:, None] * (here - foot)
+            starts = np.repeat(np.stack([before, after]), len(nearer), axis=0)
+            held = inside.holds(starts, np.concatenate([nearer, nearer])).reshape(2, -1)
+            good = np.flatnonzero(held.all(axis=0))
+            if len(good):
+                chain[row] = nearer[good[0]]
+    tight, reached = _pulled(chain, inside, True)
+    return way if tight is None or reached < len(chain) - 1 else tight
 
 
 def _pulled(chain: FloatArray, inside: Holding, closed: bool) -> tuple[Path | None, int]:
