@@ -95,7 +95,10 @@ class Returns:
         if chosen is not None or line is None:
             return chosen
         beside = self._beside(place, start.point)
-        return None if beside is None else self._first_clear([beside])
+        if beside is None or self._first_clear([beside]) is None:
+            return None
+        eased = self._beside(place, start.point, True)
+        return beside if eased is None else self._first_clear([eased]) or beside
 
     def _tangent(self, place: FloatArray, heading: float, start: Start) -> list[Path]:
         """Ways with arcs tangent to both cuts, the one with fewest pieces first if it is short."""
@@ -132,8 +135,11 @@ class Returns:
         found = self.across(ends[0], ends[1])
         return None if found is None else self._walls.path(found)
 
-    def _beside(self, place: FloatArray, end: FloatArray) -> Path | None:
-        """Along the wall between two places at it; None where that is a long way round."""
+    def _beside(self, place: FloatArray, end: FloatArray, eased: bool = False) -> Path | None:
+        """Along the wall between two places at it; None where that is a long way round.
+
+        Or in fewer arcs, None where that makes no difference.
+        """
         walls = self._walls
         low, high = walls.nearest(place), walls.nearest(end)
         if walls.first[low] != walls.first[high]:
@@ -146,25 +152,28 @@ class Returns:
         ring = walls.slice(high, low) if back else walls.slice(low, high)
         if ring is None:
             return None
-        way = self._eased(ring)
-        if back:
-            way = way.reversed()
+        if eased:
+            few = self._eased(ring)
+            if few is None:
+                return None
+            ring = few
+        way = ring.reversed() if back else ring
         ends = (straight(place, way.start), way, straight(way.end, end))
         return join(*(part for part in ends if part is not None))
 
-    def _eased(self, ring: Path) -> Path:
+    def _eased(self, ring: Path) -> Path | None:
         """Part of a smooth ring in fewer arcs, if there are, a little off the wall on its right."""
         if len(ring) <= PLAIN:
-            return ring
+            return None
         parts = max(FEW, int(np.ceil(ring.length / (PROBE * self._radius))))
         points = ring.at(np.linspace(0.0, ring.length, parts + 1))
         chord = points[1:] - points[:-1]
         bearing = np.arctan2(chord[:, 1], chord[:, 0])
         if np.abs(wrapped(bearing[1:] - bearing[:-1])).max() > CORNER:
-            return ring
+            return None
         near, off = np.full(len(points), SLACK / 2), np.full(len(points), OFF * self._radius)
         way = fewest_arcs([Curve(points, near, off)])[0]
-        return way if len(way) < len(ring) else ring
+        return way if len(way) < len(ring) else None
 
     def across(self, start: FloatArray, end: FloatArray) -> Path | None:
         """A way over the road map between two places, all in the drawing, its corners rounded."""
