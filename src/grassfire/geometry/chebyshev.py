@@ -114,6 +114,14 @@ def bernstein(degree: int, t: ArrayLike) -> FloatArray:
     return bernstein_family(degree, t, 0)[0]
 
 
+def resampling(degree: int, t: ArrayLike) -> FloatArray:
+    """Return what takes values at `nodes(degree)` to those of the interpolant at t.
+
+    Shape (..., degree + 1), for t of shape (...).
+    """
+    return np.asarray(bernstein(degree, t) @ interpolate_to_bezier(np.eye(degree + 1)))
+
+
 def bernstein_family(degree: int, t: ArrayLike, order: int) -> list[FloatArray]:
     """Return the Bernstein polynomials at t of this degree and of the `order` next lower ones.
 

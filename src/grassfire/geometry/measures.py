@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grassfire.geometry.arc import Arc
 from grassfire.geometry.bezier import Bezier
@@ -51,6 +52,24 @@ def swept_area(curves: Sequence[Curve], ends: FloatArray) -> float:
         place, slope = point @ control, lower @ (degree * np.diff(control, axis=1))
         total += float(0.25 * (cross(place, slope) @ rule).sum())
     return total
+
+
+def polygon_areas(points: FloatArray, first: NDArray[np.int64]) -> FloatArray:
+    """Return signed areas (k,) of polygons one after the other in mm^2.
+
+    Parameters
+    ----------
+    points : (n, 2) float array
+        Their corners, mm.
+    first : (k,) int array
+        Rows of the first corner of each.
+    """
+    count = np.diff(first, append=len(points))
+    x, y = (points - points[first].repeat(count, axis=0)).T
+    # each begins at its origin: what leads from one to the next has no area
+    swept = np.zeros(len(points))
+    swept[:-1] = x[:-1] * y[1:] - y[:-1] * x[1:]
+    return np.asarray(0.5 * np.add.reduceat(swept, first))
 
 
 def joint_box(curves: Sequence[Curve], ends: FloatArray) -> Bounds:

@@ -18,6 +18,7 @@ from grassfire.geometry.curve import (
 )
 from grassfire.geometry.line import Line
 from grassfire.geometry.loop import JunctionTable, Loop
+from grassfire.geometry.measures import polygon_areas
 
 
 class Polygon(Loop):
@@ -87,8 +88,7 @@ class Polygon(Loop):
     @cached_property
     def area(self) -> float:
         """Signed area in mm^2, counter-clockwise positive."""
-        x, y = (self._vertices - self._vertices[0]).T
-        return float(0.5 * (x[:-1] * y[1:] - y[:-1] * x[1:]).sum())
+        return float(polygon_areas(self._vertices, np.zeros(1, dtype=np.int64))[0])
 
     @cached_property
     def length(self) -> float:

@@ -12,6 +12,7 @@ from grassfire.errors import GeometryError
 from grassfire.geometry.batch import CurveBatch
 from grassfire.geometry.curve import Bounds, Curve, FloatArray, affine_parts
 from grassfire.geometry.loop import Loop
+from grassfire.geometry.measures import polygon_areas
 from grassfire.geometry.winding import MonotonePieces
 
 
@@ -147,11 +148,6 @@ def _measures(loops: tuple[Loop, ...]) -> tuple[FloatArray, FloatArray, FloatArr
         box = np.array([loop.bounds() for loop in loops])
         return np.array([loop.area for loop in loops]), box[:, :2], box[:, 2:]
     count = np.array([len(each) for each in polygons])
-    point = np.concatenate(polygons)
-    first = count.cumsum() - count
-    x, y = (point - point[first].repeat(count, axis=0)).T
-    # each begins at its origin: what leads from one to the next has no area
-    swept = np.zeros(len(point))
-    swept[:-1] = x[:-1] * y[1:] - y[:-1] * x[1:]
-    area = 0.5 * np.add.reduceat(swept, first)
-    return area, np.minimum.reduceat(point, first), np.maximum.reduceat(point, first)
+    point, first = np.concatenate(polygons), count.cumsum() - count
+    low, high = np.minimum.reduceat(point, first), np.maximum.reduceat(point, first)
+    return polygon_areas(point, first), low, high

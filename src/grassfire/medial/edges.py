@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from grassfire.geometry.chebyshev import bernstein, interpolate_to_bezier, nodes
+from grassfire.geometry.chebyshev import nodes, resampling
 from grassfire.medial.columns import Columns
 from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.graph import Graph
@@ -141,7 +141,7 @@ class Fit:
     def contacts(self, row: IntArray, fraction: FloatArray, among: FloatArray) -> FloatArray:
         """(n,) contacts on the partners of pieces `row` at fractions (n,), which are all `among`
         few, given in order; interpolated."""
-        basis = bernstein(TOP, among) @ interpolate_to_bezier(np.eye(TOP + 1))
+        basis = resampling(TOP, among)
         table = basis.take(np.searchsorted(among, fraction), axis=0)
         result = np.einsum("ij,ij->i", table, self.facing.take(row, axis=0))
         span = self.span

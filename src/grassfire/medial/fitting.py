@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from grassfire.errors import GeometryError
-from grassfire.geometry.chebyshev import bernstein, interpolate_to_bezier, nodes
+from grassfire.geometry.chebyshev import bernstein, interpolate_to_bezier, nodes, resampling
 from grassfire.medial.bisectors import between_lines
 from grassfire.medial.edges import (
     DEGREES,
@@ -320,8 +320,7 @@ def _coarse_and_fine(sites: Sites, pieces: _Trials, moved: FloatArray) -> None:
 @lru_cache(maxsize=1)
 def _resampling() -> FloatArray:
     """Values at the later places from those at the coarse ones and the ends."""
-    basis = interpolate_to_bezier(np.eye(len(_COARSE_AND_ENDS)))
-    return np.asarray(bernstein(len(basis) - 1, _LATER) @ basis)
+    return resampling(len(_COARSE_AND_ENDS) - 1, _LATER)
 
 
 @lru_cache(maxsize=1)
@@ -331,8 +330,7 @@ def _deviations() -> FloatArray:
     result = np.zeros((len(degrees), count, count))
     for matrix, degree in zip(result, degrees, strict=True):
         chosen = np.arange(0, count, TOP // degree)
-        basis = interpolate_to_bezier(np.eye(degree + 1))
-        matrix[:, chosen] = bernstein(degree, NODES) @ basis
+        matrix[:, chosen] = resampling(degree, NODES)
         # At its own nodes a polynomial has the very values.
         matrix[chosen] = 0.0
         others = np.setdiff1d(np.arange(count), chosen)
@@ -548,9 +546,9 @@ def _cut(
     for number in np.unique(group):
         count, value = divmod(int(number), TOP + 1)
         members, source = np.flatnonzero(own == number), np.flatnonzero(group == number)
-        at = _subdivision(TOP, count) @ interpolate_to_bezier(np.eye(TOP + 1))
+        at = resampling(TOP, _even_nodes(TOP, count).ravel())
         facing[members] = (pieces.facing[source] @ at.T).reshape(-1, TOP + 1)
-        control = interpolate_to_bezier(_subdivision(value, count).reshape(count, -1, value + 1))
+        control = interpolate_to_bezier(bernstein(value, _even_nodes(value, count)))
         every = control.reshape(-1, value + 1) @ pieces.table[source, : value + 1]
         table[members, : value + 1] = every.reshape(len(members), value + 1, -1)
     inner = np.flatnonzero(index > 0)
@@ -573,7 +571,6 @@ def _cut(
     )
 
 
-def _subdivision(degree: int, parts: int) -> FloatArray:
-    """Bernstein polynomials at the Chebyshev points of even parts, one part below the other."""
-    place = (np.arange(parts)[:, None] + nodes(degree)) / parts
-    return bernstein(degree, place.ravel())
+def _even_nodes(degree: int, parts: int) -> FloatArray:
+    """(parts, degree + 1) Chebyshev points of even parts."""
+    return np.asarray((np.arange(parts)[:, None] + nodes(degree)) / parts)

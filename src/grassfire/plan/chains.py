@@ -11,7 +11,7 @@ import numpy as np
 
 from grassfire.plan.arcs import Curve, fewest_arcs
 from grassfire.plan.fronts import length
-from grassfire.plan.path import BoolArray, IntArray, Path, join, segment
+from grassfire.plan.path import SAME, BoolArray, IntArray, Path, join, segment
 from grassfire.plan.pursuit import unit, wrapped
 from grassfire.plan.tracing import SKIM, Piece
 from grassfire.plan.walls import Walls
@@ -34,9 +34,6 @@ KINK = np.radians(3.0)
 
 BESIDE = 4
 """Samples at the ends of a run that may be past where it begins or ends."""
-
-LEAST = 1e-9
-"""Nothing shorter is written, mm."""
 
 SHORT = 0.02
 """Parts of a cut along walls that are shorter are left out, as a part of the tool radius."""
@@ -154,10 +151,10 @@ class Writer:
             if run.ring is None:
                 after = runs[number + 1].points[0] if number + 1 < len(runs) else None
                 run.with_ends(place, after, NEAREST * self._step)
-                if length(run.points) > LEAST:
+                if length(run.points) > SAME:
                     result.append(run)
             else:
-                if place is not None and math.dist(place, run.points[0]) > LEAST:
+                if place is not None and math.dist(place, run.points[0]) > SAME:
                     gap = np.stack([place, run.points[0]])
                     result.append(_Run(gap, np.zeros(2), np.zeros(2), path=segment(*gap)))
                 if run.path is not None:
@@ -172,19 +169,17 @@ class Writer:
         for piece in dropwhile(lambda piece: not piece.long, pieces):
             own = piece.points, piece.heading, piece.room
             ring = None if piece.free else (int(piece.samples[0]), int(piece.samples[-1]))
+            origin, behind = piece.origin, 0.0
+            if ring is not None and origin is not None:
+                behind = self._behind(piece, origin) or 0.0
             last = runs[-1] if runs else None
             if last is not None and self._go_on(last, ring):
                 runs.pop()
                 before = last.points, last.heading, last.room
                 if ring is not None and last.ring is not None:
                     ring = last.ring[0], ring[1]
-                own = _joined(before, own)
-                runs.append(_Run(*own, ring, last.before, origin=last.origin))
-                continue
-            behind = 0.0
-            if ring is not None and piece.origin is not None:
-                behind = self._behind(piece, piece.origin) or 0.0
-            runs.append(_Run(*own, ring, -behind, origin=piece.origin))
+                own, origin, behind = _joined(before, own), last.origin, -last.before
+            runs.append(_Run(*own, ring, -behind, origin=origin))
         return runs
 
     def leads(self, piece: Piece, place: FloatArray) -> bool:
@@ -197,7 +192,7 @@ class Writer:
         gap = piece.points - place
         far = np.hypot(gap[:, 0], gap[:, 1])
         ahead = unit(piece.heading[far <= 2 * far[0]]) @ gap[0]
-        near = LEAST < far[0] <= STRAY * self._step
+        near = SAME < far[0] <= STRAY * self._step
         return bool(near and ahead.min() > ALONG * far[0])
 
     def _behind(self, piece: Piece, place: FloatArray) -> float | None:
@@ -207,8 +202,8 @@ class Writer:
         for _ in range(3):
             gap = self._walls.beside(sample, -back) - place
             back += float(gap @ ahead)
-        on = math.hypot(*gap.tolist()) <= LEAST
-        return back if on and LEAST < back <= STRAY * self._step else None
+        on = math.hypot(*gap.tolist()) <= SAME
+        return back if on and SAME < back <= STRAY * self._step else None
 
     def _go_on(self, last: _Run, ring: tuple[int, int] | None) -> bool:
         """Whether a piece, along a ring or in the open, goes on where a run has ended."""
@@ -298,7 +293,7 @@ class Writer:
 
 def _begun(path: Path, place: FloatArray) -> Path:
     """A path begun at a place that is its start but for rounding, perhaps beside a joint."""
-    first = 1 if len(path) > 1 and path.lengths[0] <= LEAST else 0
+    first = 1 if len(path) > 1 and path.lengths[0] <= SAME else 0
     points = np.concatenate([place[None], path.points[first + 1 :]])
     return Path(points, path.centre[first:], path.sweep[first:])
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from grassfire.plan.path import BoolArray, IntArray, Nearest, Path, Pieces, segment
+from grassfire.plan.path import SAME, BoolArray, IntArray, Nearest, Path, Pieces, segment
 from grassfire.toolpath import FloatArray
 
 if TYPE_CHECKING:
@@ -433,7 +433,7 @@ def walked(ring: Path, along: FloatArray) -> FloatArray:
 
 def walk(ring: Path, along: float) -> Path | None:
     """The shorter way along a closed ring from its start to arc length `along`."""
-    if along <= 1e-9 or along >= ring.length - 1e-9:
+    if along <= SAME or along >= ring.length - SAME:
         return None
     if along <= ring.length / 2:
         return ring.slice(0.0, along)
@@ -442,4 +442,4 @@ def walk(ring: Path, along: float) -> Path | None:
 
 def straight(start: FloatArray, end: FloatArray) -> Path | None:
     """Straight way, None where the places are the same to 1e-9 mm."""
-    return None if math.dist(start, end) <= 1e-9 else segment(start, end)
+    return None if math.dist(start, end) <= SAME else segment(start, end)

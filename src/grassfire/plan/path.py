@@ -19,6 +19,9 @@ IntArray = NDArray[np.int64]
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
+SAME = 1e-9
+"""Places that are no further apart are one, mm."""
+
 SAMPLES = 256
 """Places on a chain among which crossings to others are looked for."""
 

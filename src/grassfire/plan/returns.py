@@ -94,11 +94,7 @@ class Returns:
         chosen = self._first_clear(found) if found else None
         if chosen is not None or line is None:
             return chosen
-        beside = self._beside(place, start.point)
-        if beside is None or self._first_clear([beside]) is None:
-            return None
-        eased = self._beside(place, start.point, True)
-        return beside if eased is None else self._first_clear([eased]) or beside
+        return self._beside(place, start.point)
 
     def _tangent(self, place: FloatArray, heading: float, start: Start) -> list[Path]:
         """Ways with arcs tangent to both cuts, the one with fewest pieces first if it is short."""
@@ -135,11 +131,8 @@ class Returns:
         found = self.across(ends[0], ends[1])
         return None if found is None else self._walls.path(found)
 
-    def _beside(self, place: FloatArray, end: FloatArray, eased: bool = False) -> Path | None:
-        """Along the wall between two places at it; None where that is a long way round.
-
-        Or in fewer arcs, None where that makes no difference.
-        """
+    def _beside(self, place: FloatArray, end: FloatArray) -> Path | None:
+        """Along the wall between two places at it, if clear; None where it is a long way round."""
         walls = self._walls
         low, high = walls.nearest(place), walls.nearest(end)
         if walls.first[low] != walls.first[high]:
@@ -152,14 +145,10 @@ class Returns:
         ring = walls.slice(high, low) if back else walls.slice(low, high)
         if ring is None:
             return None
-        if eased:
-            few = self._eased(ring)
-            if few is None:
-                return None
-            ring = few
-        way = ring.reversed() if back else ring
-        ends = (straight(place, way.start), way, straight(way.end, end))
-        return join(*(part for part in ends if part is not None))
+        exact = self._first_clear([_between(place, ring, back, end)])
+        few = None if exact is None else self._eased(ring)
+        eased = None if few is None else self._first_clear([_between(place, few, back, end)])
+        return eased or exact
 
     def _eased(self, ring: Path) -> Path | None:
         """Part of a smooth ring in fewer arcs, if there are, a little off the wall on its right."""
@@ -297,3 +286,10 @@ class Returns:
     def _roomy(self, places: FloatArray) -> BoolArray:
         """Where on ways in the frame the walls leave room to the tool."""
         return np.asarray(self._walls.room(places) >= -SLACK)
+
+
+def _between(place: FloatArray, ring: Path, back: bool, end: FloatArray) -> Path:
+    """From a place along part of a ring, `back` or forth, to another place."""
+    way = ring.reversed() if back else ring
+    ends = (straight(place, way.start), way, straight(way.end, end))
+    return join(*(part for part in ends if part is not None))

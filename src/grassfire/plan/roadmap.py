@@ -401,6 +401,8 @@ def tightened(way: Path, inside: Holding) -> Path:
 
     The axis leads into the middle of wide places; the shorter way is nearer to the walls.
     """
+    if len(way) == 1:
+        return way
     chain = way.points.copy()
     for _ in range(TIGHTENED):
         for row in range(1, len(chain) - 1):

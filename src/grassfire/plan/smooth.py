@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from grassfire.plan.path import Path, arc_centres
+from grassfire.plan.path import SAME, Path, arc_centres
 from grassfire.plan.pursuit import wrapped
 from grassfire.toolpath import FloatArray
 
@@ -15,9 +15,6 @@ MOST_ARC = math.radians(200.0)
 
 LEAST_ARC = 1e-3
 """Smallest sweep of it, radians."""
-
-SAME = 1e-9
-"""Places that are nearer to each other are one, mm."""
 
 _NOWHERE = math.nan, math.nan
 
@@ -44,7 +41,7 @@ def tangent_link(
     first = one_x - radius * math.sin(leave), one_y + radius * math.cos(leave)
     last = two_x - radius * math.sin(arrive), two_y + radius * math.cos(arrive)
     way_x, way_y = last[0] - first[0], last[1] - first[1]
-    course = math.atan2(way_y, way_x) if math.hypot(way_x, way_y) > 1e-9 else arrive
+    course = math.atan2(way_y, way_x) if math.hypot(way_x, way_y) > SAME else arrive
     turns = [(course - leave) % (2 * math.pi), (arrive - course) % (2 * math.pi)]
     # a turn of nearly a full circle is none, but for rounding
     turns = [0.0 if 2 * math.pi - turn < 1e-6 else turn for turn in turns]
