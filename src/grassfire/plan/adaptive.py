@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -93,6 +94,11 @@ GRAZING = 0.1
 
 ALLOWANCE, CUSP = 0.02, 0.06
 """Thickest stock left to the last lap round the wall, and thickest cusp, as parts of the radius."""
+
+CRESCENT, SHARE = 0.15, 0.6
+"""Thickest stock that the last turn of the opening spiral may leave to the last lap, as a part of
+the tool radius; and how much that may be over all depths, as a part of what a clearing cut takes.
+Where the spiral comes to the wall all round, this turn would take ever less."""
 
 FILM = 6e-3
 """Thickest film that stays on walls without a finishing pass, mm."""
@@ -203,9 +209,12 @@ class AdaptivePocket:
         self._cleared = Disks()
         self._fronts = Fronts()
         self._left = Fronts()
+        light = SHARE * settings.stepover / (settings.passes * self._radius)
+        self._thickest = max(ALLOWANCE, min(CRESCENT, light)) if settings.finish else ALLOWANCE
         self._length = 0.0
         self._starts: dict[Front, list[Start]] = {}
         self._spare: dict[Front, bool] = {}
+        self._crescent = np.zeros(len(self._walls.points), dtype=bool)
         self._steps: list[Stroke | Sense] = []
         self._cuts: dict[Sense, list[Cut]] = {sense: [] for sense in self._senses}
         self.peak = part.peak
@@ -268,9 +277,8 @@ class AdaptivePocket:
             for it in pieces:
                 if (it.length <= SHORTEST * self._radius) == short:
                     near[touched(self._walls.points, it, self._radius * (1 - allowance))] = True
-        if not near.any():
-            return []
-        return self._walls.stretches(near, BESIDE)
+        near &= ~self._crescent
+        return self._walls.stretches(near, BESIDE) if near.any() else []
 
     def _unswept(self) -> list[tuple[int, int]]:
         """Stretches of the walls where cuts have left a film, first and last samples of each."""
@@ -376,14 +384,29 @@ class AdaptivePocket:
             self._fronts = Fronts(Front(part) for part in runs(chain, stock, 4 * self._step))
             self._returns.update(self._fronts, self._left)
             return start, float(np.arctan2(outwards[1], outwards[0]) + np.pi / 2)
-        cut = self._senses[0].spiral(front, self._tail)
+        return self._spiral(front, start)
+
+    def _spiral(self, front: FloatArray, start: FloatArray) -> tuple[FloatArray, float]:
+        """The opening cut from a closed front outwards; returns place and heading."""
+        sense, fronts, thick = self._senses[0], Fronts([Front(front)]), self._thickest
+        cut = sense.spiral(front, partial(self._tail, allowance=ALLOWANCE))
         if cut.begin is None:
             raise PlanningError(
                 "no cut fits round the helix",
                 place=(float(self.peak[0]), float(self.peak[1])),
                 remedy="take a smaller tool or strategy offset",
             )
-        return self._take(cut, self._senses[0], Fronts([Front(front)]), start)
+        alone = thick > ALLOWANCE and all(map(self._slight, self._edges(cut, sense, fronts)[1]))
+        if alone:
+            # it comes to the wall all round and clears everything: its last turn may be cut short
+            cut = sense.spiral(front, partial(self._tail, allowance=thick))
+        found = self._take(cut, sense, fronts, start)
+        if alone:
+            for it in self._fronts:
+                self._crescent[touched(self._walls.points, it, self._radius)] = True
+            self._left, self._fronts = self._left.plus(self._fronts), Fronts()
+            self._returns.update(self._fronts, self._left)
+        return found
 
     def _middle(self) -> tuple[FloatArray, float]:
         """Where clearing begins, and the room there: the most there is, if it pays amid the pocket.
@@ -529,15 +552,12 @@ class AdaptivePocket:
             self._stroke(StrokeKind.FEED, way, Role.CUT)
         self._steps.append(sense)
         self._cuts[sense].append(cut)
-        swept = densified(cut.points, self._step)
-        tree = cKDTree(swept, compact_nodes=False, balanced_tree=False)
-        new = self._new_fronts(cut, sense, tree)
+        tree, edges = self._edges(cut, sense, fronts)
         bound, gap = self._radius * (1 - GRAZE), 4 * self._step
-        kept = fronts.outside(tree, bound, gap)
-        self._cleared.add(swept)
+        self._cleared.add(np.asarray(tree.data))
         whole: list[Front] = []
         short: list[Front] = []
-        for front in (*kept, *new):
+        for front in edges:
             (short if self._slight(front) else whole).append(front)
         self._left = self._left.outside(tree, bound, gap).plus(short)
         self._fronts = Fronts(joined(whole, self._radius, self._step, self._walls.clearance))
@@ -547,6 +567,13 @@ class AdaptivePocket:
         self._starts = {front: starts[front] for front in self._fronts if front in starts}
         self._spare = {front: spare[front] for front in self._fronts if front in spare}
         return cut.points[-1], float(cut.heading[-1])
+
+    def _edges(self, cut: Cut, sense: Sense, fronts: Fronts) -> tuple[cKDTree, list[Front]]:
+        """Centres of a cut, and what it leaves of fronts, with the edges that it makes."""
+        swept = densified(cut.points, self._step)
+        tree = cKDTree(swept, compact_nodes=False, balanced_tree=False)
+        kept = fronts.outside(tree, self._radius * (1 - GRAZE), 4 * self._step)
+        return tree, [*kept, *self._new_fronts(cut, sense, tree)]
 
     def _advance(self, front: Front, sense: Sense) -> None:
         """Where a cut has left its front as it was, its head folds back: go on without it."""
@@ -583,11 +610,11 @@ class AdaptivePocket:
             self._spare[front] = known
         return known
 
-    def _tail(self, front: FloatArray) -> int:
+    def _tail(self, front: FloatArray, allowance: float) -> int:
         """How many last points of a front are so near to the wall that the last lap takes them."""
         tail = front[-TAIL:]
         # a little less: the end of a cut leaves up to a sample more
-        spared = self._spared(tail, 0.9 * ALLOWANCE)
+        spared = self._spared(tail, 0.9 * allowance)
         return len(tail) if spared.all() else int(np.argmin(spared[::-1]))
 
     def _spared(self, places: FloatArray, allowance: float) -> BoolArray:

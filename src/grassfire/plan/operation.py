@@ -116,8 +116,9 @@ def plan_operation(
         job.stock.top, operation.depth, operation.stepdown, operation.axial_allowance
     )
     levels = _levels(job, operation)
-    feeds = _feeds(operation, tool, job.stock.top - float(floors[0]))
-    settings = _settings(operation, tool, job, levels, feeds, job.stock.top - float(floors[0]))
+    step = job.stock.top - float(floors[0])
+    feeds = _feeds(operation, tool, step)
+    settings = _settings(operation, tool, job, levels, feeds, step, len(floors))
     _check_length(axes, tool, settings, len(floors))
     builder = ToolpathBuilder(_start(start, levels))
     # polygons are worked on outside the interpreter, meanwhile
@@ -178,7 +179,13 @@ def _feeds(operation: Operation, tool: Tool, step: float) -> Feeds:
 
 
 def _settings(
-    operation: Operation, tool: Tool, job: Job, levels: Levels, feeds: Feeds, step: float
+    operation: Operation,
+    tool: Tool,
+    job: Job,
+    levels: Levels,
+    feeds: Feeds,
+    step: float,
+    passes: int,
 ) -> ClearingSettings:
     # a retract costs its way up and down at rapid speed and about a second of starts and stops
     retract = (2 * (levels.retract - levels.top) + 2 * step) / levels.rapid + 1.0 / 60
@@ -200,6 +207,7 @@ def _settings(
         minimum_radius=operation.minimum_path_radius * tool.diameter,
         longest_walk=retract * feeds.link,
         link_speed=feeds.link / levels.rapid,
+        passes=passes,
     )
 
 

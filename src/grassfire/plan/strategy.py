@@ -43,6 +43,8 @@ class ClearingSettings:
         Smallest radius of turns where the shape leaves the choice, mm.
     link_speed : float
         Speed of links as a part of that of rapids.
+    passes : int
+        How many there are to the depth, which the wall pass takes at once.
     """
 
     tool_radius: float
@@ -61,6 +63,7 @@ class ClearingSettings:
     minimum_radius: float
     link_speed: float = 0.25
     both: bool = False
+    passes: int = 1
 
 
 class PocketPlan(Protocol):
