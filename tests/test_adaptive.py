@@ -433,6 +433,14 @@ def test_fronts_that_continue_each_other_are_one() -> None:
     assert len(joined(apart, RADIUS, 0.15, far_from_walls)) == 2
 
 
+def test_a_scrap_at_the_end_of_a_front_leaves_the_front_whole() -> None:
+    """A scrap that ends where a front ends does not go on there: all of that would be lost."""
+    chain = np.stack([np.arange(60) * 0.15, np.zeros(60)], axis=1)
+    scrap = np.stack([np.arange(-4, 1) * 0.15, np.arange(-4, 1) * 0.02], axis=1)
+    kept = joined([Front(chain[-4] + scrap), Front(chain)], RADIUS, 0.15, far_from_walls)
+    assert sum(front.length for front in kept) > 0.9 * length(chain)
+
+
 def scattered(count: int) -> list[Front]:
     """Short fronts all over a field of 60 mm."""
     random = np.random.default_rng(count)

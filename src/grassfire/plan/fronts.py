@@ -470,11 +470,13 @@ def _neighbours(chains: list[Front], radius: float) -> list[tuple[float, int, in
     for one, two in pairs:
         if one == two:
             continue
-        other = chains[two].points
-        head = other[: min(HEAD, len(other) - 2)] - chains[one].points[-1]
-        gap = np.hypot(head[:, 0], head[:, 1])
+        before, after = chains[one].points, chains[two].points
+        head = after[: min(HEAD, len(after) - 2)]
+        gap = np.hypot(*(head - before[-1]).T)
         nearest = int(gap.argmin())
-        if nearest and gap[nearest] <= 4 * GRAZE * radius:
+        along = nearest > 0 and gap[nearest] <= 4 * GRAZE * radius
+        # what is left out of the second is beside the first: all else is an edge of stock
+        if along and squares(head[:nearest], before).min(axis=1).max() <= reach**2:
             found.append((float(gap[nearest]), one, two, nearest))
         elif gap[0] <= reach:
             found.append((float(gap[0]), one, two, 0))
