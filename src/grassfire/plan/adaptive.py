@@ -384,12 +384,14 @@ class AdaptivePocket:
             self._fronts = Fronts(Front(part) for part in runs(chain, stock, 4 * self._step))
             self._returns.update(self._fronts, self._left)
             return start, float(np.arctan2(outwards[1], outwards[0]) + np.pi / 2)
-        return self._spiral(front, start)
+        return self._spiral(front, room, start)
 
-    def _spiral(self, front: FloatArray, start: FloatArray) -> tuple[FloatArray, float]:
+    def _spiral(
+        self, front: FloatArray, room: float, start: FloatArray
+    ) -> tuple[FloatArray, float]:
         """The opening cut from a closed front outwards; returns place and heading."""
         sense, fronts, thick = self._senses[0], Fronts([Front(front)]), self._thickest
-        cut = sense.spiral(front, partial(self._tail, allowance=ALLOWANCE))
+        cut = sense.spiral(front, room, partial(self._tail, allowance=ALLOWANCE))
         if cut.begin is None:
             raise PlanningError(
                 "no cut fits round the helix",
@@ -399,7 +401,7 @@ class AdaptivePocket:
         alone = thick > ALLOWANCE and all(map(self._slight, self._edges(cut, sense, fronts)[1]))
         if alone:
             # it comes to the wall all round and clears everything: its last turn may be cut short
-            cut = sense.spiral(front, partial(self._tail, allowance=thick))
+            cut = sense.spiral(front, room, partial(self._tail, allowance=thick))
         found = self._take(cut, sense, fronts, start)
         if alone:
             for it in self._fronts:

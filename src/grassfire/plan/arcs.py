@@ -24,7 +24,7 @@ from grassfire.plan.path import IntArray, Path, arc_centres, join, left_of_arcs,
 from grassfire.plan.pursuit import unit, wrapped
 from grassfire.toolpath import FloatArray
 
-ASTRAY, AWAY = np.radians(1.8), np.radians(6.0)
+ASTRAY, AWAY = np.radians(2.0), np.radians(6.0)
 """How far the heading of arcs may turn from that of the curve to the right, and to the left, where
 a cut takes less, radians."""
 

@@ -17,7 +17,7 @@ from grassfire.plan.tracing import SKIM, Piece
 from grassfire.plan.walls import Walls
 from grassfire.toolpath import FloatArray
 
-OPEN = 0.009
+OPEN = 0.0105
 """How far cuts may lie beside the exact way away from walls, as a part of the tool radius."""
 
 NEAREST = 0.3

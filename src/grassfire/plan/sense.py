@@ -69,9 +69,9 @@ class Sense:
         found = self._tracer.start(_image(front), wall, lambda places: free(mirrored(places)))
         return _reflected(found)
 
-    def spiral(self, front: FloatArray, tail: Callable[[FloatArray], int]) -> Cut:
+    def spiral(self, front: FloatArray, room: float, tail: Callable[[FloatArray], int]) -> Cut:
         """From a closed front outwards: see `Tracer.spiral`; only in the direction of fronts."""
-        return self._cut(self._tracer.spiral(front, tail))
+        return self._cut(self._tracer.spiral(front, room, tail))
 
     def cut(self, front: FloatArray, start: Start, others: Near) -> Cut:
         """Along an open front from its start, or from its end backwards, among others."""

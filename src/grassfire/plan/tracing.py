@@ -59,12 +59,19 @@ MOST_CHANGES = 2000
 """Changes between wall and open in one cut: more are a fault."""
 
 
-BITE, MOST_TURN = 1 / 34, np.radians(25.0)
-"""Advance of the tool from tooth to tooth as a part of its radius, samples of fronts allowed for;
-most that it may turn."""
+BITE, TIGHT, MOST_TURN = 0.0605, 2 / 3, np.radians(25.0)
+"""Turn of the tool, radians, over what it advances from tooth to tooth, or over one of the chords
+by which controllers follow an arc, on arcs as wide as the tool; the power of the radius that it
+falls with on tighter ones, where chords are shorter; and most that it may be."""
 
 SLACK = 0.05
-"""How much less than the width of the tool fronts between walls may span, as a part of it."""
+"""How much tighter than the tool fronts may be that a way follows, as a part of its radius."""
+
+STRAIGHT = 0.5
+"""Turn of fronts up to which they count as straight, radians."""
+
+WIDE_TURN = 0.012
+"""What of it the opening spiral need not allow for, radians: most of its turns are wide."""
 
 Near = Callable[[FloatArray, float], FloatArray]
 """Points (m, 2) of other fronts that may be nearer to places (n, 2) than a distance, mm."""
@@ -161,12 +168,16 @@ class Tracer:
         self._film = math.acos(1 - film / radius)
         self._step = SAMPLING * radius
 
-    def spiral(self, front: FloatArray, tail: Callable[[FloatArray], int]) -> list[Piece]:
+    def spiral(
+        self, front: FloatArray, room: float, tail: Callable[[FloatArray], int]
+    ) -> list[Piece]:
         """From a closed front outwards, lap by lap along the edge that the lap before has left.
 
-        `tail` tells how many last points of a front may be left along the wall.
+        `room` is that about its centre, mm; `tail` tells how many last points of a front may be
+        left along the wall.
         """
-        cut = _Cut(front, 0, front[0], [], 0, len(front), self._limit, _alone, tail)
+        limit = self._limit - max(self._turned(room) - WIDE_TURN, 0.0)
+        cut = _Cut(front, 0, front[0], [], 0, len(front), limit, _alone, tail)
         bearing = direction(front[:2]) - np.pi / 2 + FIRST_BITE[0]
         ease: tuple[float, float] | None = (FIRST_BITE[0], EASE[0] * self._radius)
         while self._trace(cut, -1, bearing, ease) and cut.lap >= 0:
@@ -248,14 +259,23 @@ class Tracer:
     def _narrowed(self, front: FloatArray) -> float:
         """The limit less what the turns of the way add to the angle that a tooth cuts, radians.
 
-        Between teeth the tool advances by a bite; on an arc it turns by bite over radius meanwhile.
-        Between walls the way has about the room there as its radius. A front much shorter than the
-        tool is wide does not lie between walls that it passes.
+        The way turns as the front does, less a tool radius. A front much tighter than the tool is
+        no edge that the way follows.
         """
-        room = _gap(front[-1], front[0]) / 2 - self._radius
-        if room < -SLACK * self._radius:
+        chord = front[1:] - front[:-1]
+        bearing = np.arctan2(chord[:, 1], chord[:, 0])
+        turn = float(wrapped(bearing[1:] - bearing[:-1]).sum())
+        if turn <= STRAIGHT:
             return self._limit
-        return self._limit - min(BITE * self._radius / max(room, 1e-9), float(MOST_TURN))
+        wide = _gap(front[-1], front[0]) / (2 * math.sin(min(turn, math.pi) / 2))
+        if wide < (1 - SLACK) * self._radius:
+            return self._limit
+        return self._limit - self._turned(wide - self._radius)
+
+    def _turned(self, room: float) -> float:
+        """What turns of a radius, mm, add to the angle that a tooth cuts, radians."""
+        part = max(room / self._radius, 1e-9)
+        return min(BITE / max(part, math.pow(part, TIGHT)), float(MOST_TURN))
 
     def _extended(self, front: FloatArray) -> FloatArray:
         """A front with a straight tool radius more: what lies beyond its end is no more stock."""
@@ -476,9 +496,8 @@ def _eased(front: FloatArray, limit: float, ease: tuple[float, float] | None) ->
     """(n - 1,) engagement along a front: the limit, reached smoothly where a cut begins."""
     if ease is None:
         return np.full(len(front) - 1, limit)
-    chord = front[1:-1] - front[:-2]
     gone = np.zeros(len(front) - 1)
-    np.hypot(chord[:, 0], chord[:, 1]).cumsum(out=gone[1:])
+    _gaps(front[1:-1], front[:-2]).cumsum(out=gone[1:])
     share = np.minimum(gone / ease[1], 1.0)
     return np.asarray(np.maximum(limit * share**2 * (3 - 2 * share), min(ease[0], limit)))
 
