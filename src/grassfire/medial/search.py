@@ -14,9 +14,11 @@ from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.reach import FarSamples
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, disk_through
 
-_FIRST_NEIGHBOURS = ((4096, 10), (512, 12), (0, 32))
+_FIRST_NEIGHBOURS = ((512, 10), (96, 16), (0, 32))
 """Numbers of points from which so many samples are looked at first: rounds cost more than samples
 where points are few."""
+_MOST_CROWDED = 8
+"""How many more they are at most, where a query sees many samples."""
 _FEW_NEIGHBOURS = 8
 _EARLIER = np.tri(_FEW_NEIGHBOURS, dtype=bool)
 _SAMPLES_PER_SITE = (2, 16)
@@ -120,6 +122,7 @@ class BoundarySearch:
         # A query sees the samples within a step: about perimeter^3 / (area samples^2) of them.
         crowded = np.sqrt(self.perimeter**3 / (max(area, 1e-300) * _CROWDING))
         samples = density * max(256.0, min(max(few * len(sites), crowded), many * len(sites)))
+        self.crowding = min(int(_CROWDING * (crowded / samples) ** 2), _MOST_CROWDED)
         spacing = self.perimeter / samples
         count = np.maximum(np.ceil(length / spacing), np.ceil(turn / 0.35))
         count = np.maximum(count, 1).astype(np.int64)
@@ -206,6 +209,11 @@ class BoundarySearch:
                 index[rows, :count] = found[1] if number is None else number[found[1]]
         return away, index, distant
 
+    def _first_neighbours(self, count: int) -> int:
+        """Samples that are looked at first about each of `count` points."""
+        least = next(number for points, number in _FIRST_NEIGHBOURS if count >= points)
+        return least + self.crowding
+
     # -- nearest ----------------------------------------------------------------------------------
 
     def nearest(
@@ -237,7 +245,7 @@ class BoundarySearch:
         """
         allowance, slack = slack, slack + 1e-13 * self.sites.size
         count = len(centre)
-        neighbours = _first_neighbours(count)
+        neighbours = self._first_neighbours(count)
         if excluded is None and outside and 0 < count < _MANY:
             distance, site, parameter, active = self._nearest_few(centre, allowance)
         else:
@@ -425,7 +433,7 @@ class BoundarySearch:
         seen = self._walk(tangents, excluded, touched, best, partner, parameter)
         radius = np.minimum(radius, best)
         active = np.arange(count)
-        neighbours = np.full(count, _first_neighbours(count))
+        neighbours = np.full(count, self._first_neighbours(count))
         rounding = 1e-13 * self.sites.size
         restarted = np.zeros(count, dtype=bool)
         while len(active):
@@ -689,10 +697,6 @@ class BoundarySearch:
         touched = rho.argmin(axis=1)
         least = rho[np.arange(len(rho)), touched]
         return np.minimum(radius, least), np.where(least < radius, touched, -1)
-
-
-def _first_neighbours(count: int) -> int:
-    return next(number for least, number in _FIRST_NEIGHBOURS if count >= least)
 
 
 def _minimum_by_row(row: IntArray, value: FloatArray) -> tuple[IntArray, IntArray]:
