@@ -360,42 +360,51 @@ class BoundarySearch:
         `nearest` if that is all that is asked for."""
         wanted = min(neighbours, len(self.site))
         away, index, partial = self._query(centre, wanted, 0.0, None if outside else radius)
-        owner = self.site[index]
-        allowed = np.ones(owner.shape, dtype=bool)
-        if excluded is not None:
-            for item in range(excluded.shape[1]):
-                allowed &= owner != excluded[:, item, None]
         # A disk is wanted to its whole radius: its nearest site may end before it touches.
         limit = radius
         if nearest:
-            limit = np.minimum(radius, np.where(allowed, away, np.inf).min(axis=1))
+            limit = np.minimum(radius, self._nearest_sample(away, index, excluded))
         # A sample that the disk touches must not be lost to rounding.
         allowance = (limit * (1 + 1e-9))[:, None]
-        half, least = self.half.take(owner), np.maximum(away - self.bulge.take(owner), 0.0)
+        owner = self.site.take(index)
+        half = self.half.take(owner)
+        least = np.maximum(away - self.bulge.take(owner), 0.0) if self.most_bulge else away
         if outside:
-            allowed &= least <= allowance + half
+            allowed = least <= allowance + half
         else:
-            allowed &= least * least <= allowance * allowance + half * half
+            allowed = least * least <= allowance * allowance + half * half
         complete = self._complete(away[:, -1], limit, slack, outside)
         complete |= wanted == len(self.site)
-        row, column = np.nonzero(allowed)
-        target = owner[row, column]
+        place = allowed.ravel().nonzero()[0]
+        row, target = place // wanted, owner.ravel().take(place)
         # The nearest sample of each site: rows are in order and so are samples within a row.
         key = row * len(self.sites) + target
-        order = np.argsort(key, kind="stable")
-        ordered = key[order]
-        head = np.ones(len(key), dtype=bool)
-        head[1:] = ordered[1:] != ordered[:-1]
-        chosen = order[head]
-        row, column = row[chosen], column[chosen]
+        order = key.argsort(kind="stable")
+        key = key.take(order)
+        chosen = order[np.concatenate([[True], key[1:] != key[:-1]])[: len(key)]]
+        if excluded is not None:
+            own, other = excluded.take(row.take(chosen), axis=0), target.take(chosen)
+            chosen = chosen[~_among_columns(other, own)]
+        place = place.take(chosen)
         return _Candidates(
-            row,
-            target[chosen],
-            self.parameter[index[row, column]],
-            away[row, column],
+            row.take(chosen),
+            target.take(chosen),
+            self.parameter.take(index.ravel().take(place)),
+            away.ravel().take(place),
             complete,
             partial,
         )
+
+    def _nearest_sample(
+        self, away: FloatArray, index: IntArray, excluded: IntArray | None
+    ) -> FloatArray:
+        """Least distances (n,) of samples (n, k), nearest first, of sites that are not excluded."""
+        if excluded is None:
+            return away[:, 0]
+        owner, allowed = self.site.take(index), np.ones(index.shape, dtype=bool)
+        for column in excluded.T:
+            allowed &= owner != column[:, None]
+        return np.asarray(np.where(allowed, away, np.inf).min(axis=1))
 
     # -- maximal disks ----------------------------------------------------------------------------
 
@@ -439,12 +448,14 @@ class BoundarySearch:
         while len(active):
             wanted = int(neighbours[active].min())
             rows = active[neighbours[active] == wanted]
-            centre = tangents.position[rows] + radius[rows, None] * tangents.normal[rows]
-            found = self._candidates(centre, radius[rows], wanted, excluded[rows], rounding)
-            key = rows[found.row] * len(self.sites) + found.site
-            new = np.flatnonzero(~np.isin(key, seen)) if len(seen) else np.arange(len(key))
-            row, target = rows[found.row[new]], found.site[new]
-            where, rho = contact(self.sites, tangents.take(row), target, found.hint[new])
+            reach, own = radius.take(rows), excluded.take(rows, axis=0)
+            normal = tangents.normal.take(rows, axis=0)
+            centre = tangents.position.take(rows, axis=0) + reach[:, None] * normal
+            found = self._candidates(centre, reach, wanted, own, rounding)
+            key = rows.take(found.row) * len(self.sites) + found.site
+            new = (~_among(key, seen)).nonzero()[0]
+            row, target = rows.take(found.row.take(new)), found.site.take(new)
+            where, rho = contact(self.sites, tangents.take(row), target, found.hint.take(new))
             first, index = _minimum_by_row(row, rho)
             better = (rho[index] < best[first]).nonzero()[0]
             first, index = first[better], index[better]
@@ -467,8 +478,9 @@ class BoundarySearch:
             done = np.zeros(count, dtype=bool)
             done[rows[found.complete & ~lost & ~(found.partial & changed)]] = True
             active = active[~done[active]]
-            seen = np.concatenate([seen, key[new]]) if len(active) else seen
-            seen = seen[~done[seen // len(self.sites)]]
+            if len(active):
+                seen = np.concatenate([seen, key.take(new)])
+                seen = seen[~done.take(seen // len(self.sites))]
         self._slide(tangents, excluded, best, partner, parameter)
         bounded = best > limit * (1 + 1e-11)
         partner[bounded] = -1
@@ -534,7 +546,7 @@ class BoundarySearch:
             low, high = where <= sites.low[site], where >= sites.high[site]
             on = (low & (step <= 0)) | (high & (step >= 0))
             target = np.where(low, sites.preceding[site], sites.following[site])
-            on &= np.all(excluded[rows] != target[:, None], axis=1)
+            on &= ~_among_columns(target, excluded.take(rows, axis=0))
             use = on.nonzero()[0]
             rows, site = rows[use], target[use]
             step = np.where(low[use], -1, 1)
@@ -563,7 +575,7 @@ class BoundarySearch:
             corner = np.where(low, sites.corner_after[target], sites.corner_after[site])
             point = (sites.kind[target] == SiteKind.POINT) | (sites.kind[site] == SiteKind.POINT)
             moves = (low | high) & ~corner & ~point
-            moves &= np.all(excluded[rows] != target[:, None], axis=1)
+            moves &= ~_among_columns(target, excluded.take(rows, axis=0))
             rows, target, low = rows[moves], target[moves], low[moves]
             if not len(rows):
                 break
@@ -629,7 +641,7 @@ class BoundarySearch:
         for shown in (touched[lower], touched[upper]):
             rho = disk_through(self.point[shown] - position, normal)
             # Samples of a point's own sites tell nothing.
-            known = (shown >= 0) & np.all(own != self.site[shown, None], axis=1) & (rho < best)
+            known = (shown >= 0) & (rho < best) & ~_among_columns(self.site.take(shown), own)
             best, sample = np.where(known, rho, best), np.where(known, shown, sample)
         radius[rows], touched[rows] = best, sample
         return guess
@@ -652,7 +664,7 @@ class BoundarySearch:
                 better = (rho < best).nonzero()[0]
                 # Samples of a point's own sites tell nothing.
                 site = self.site.take(other.take(better))
-                better = better[np.all(own.take(better, axis=0) != site[:, None], axis=1)]
+                better = better[~_among_columns(site, own.take(better, axis=0))]
                 best[better], sample[better] = rho.take(better), other.take(better)
             step //= 2
         radius[rows], touched[rows] = best, sample
@@ -665,21 +677,19 @@ class BoundarySearch:
         if count * len(self.point) <= _PAIRS:
             return self._shrink_few(position, normal, radius)
         radius, active = radius.copy(), np.arange(count)
-        touched = np.full(count, -1, dtype=np.int64)
+        touched, now = np.full(count, -1, dtype=np.int64), radius
         for _ in range(40):
-            if not len(active):
+            away, index, _ = self._query(position + now[:, None] * normal, 1, _ROUGH, now)
+            index = index[:, 0]
+            rho = disk_through(self.point.take(index, axis=0) - position, normal)
+            shrunk = ((away[:, 0] < now * (1 - 1e-7)) & (rho < now)).nonzero()[0]
+            active, before, now = active.take(shrunk), now.take(shrunk), rho.take(shrunk)
+            radius[active], touched[active] = now, index.take(shrunk)
+            stay = (now <= (1 - _ROUGH) * before).nonzero()[0]
+            if not len(stay):
                 break
-            centre = position[active] + radius[active, None] * normal[active]
-            found = self._query(centre, 1, _ROUGH, radius[active])
-            away, index = found[0][:, 0], found[1][:, 0]
-            inside = away < radius[active] * (1 - 1e-7)
-            active, index = active[inside], index[inside]
-            rho = disk_through(self.point[index] - position[active], normal[active])
-            shrunk = rho < radius[active]
-            active, rho, index = active[shrunk], rho[shrunk], index[shrunk]
-            slow = rho > (1 - _ROUGH) * radius[active]
-            radius[active], touched[active] = rho, index
-            active = active[~slow]
+            shrunk, active, now = shrunk.take(stay), active.take(stay), now.take(stay)
+            position, normal = position.take(shrunk, axis=0), normal.take(shrunk, axis=0)
         return radius, touched
 
     def _shrink_few(
@@ -697,6 +707,23 @@ class BoundarySearch:
         touched = rho.argmin(axis=1)
         least = rho[np.arange(len(rho)), touched]
         return np.minimum(radius, least), np.where(least < radius, touched, -1)
+
+
+def _among(number: IntArray, others: IntArray) -> BoolArray:
+    """Whether numbers (n,) are among others, in any order."""
+    if not len(others):
+        return np.zeros(len(number), dtype=bool)
+    others = np.sort(others)
+    place = others.searchsorted(number)
+    return np.asarray(others.take(place, mode="clip") == number)
+
+
+def _among_columns(site: IntArray, columns: IntArray) -> BoolArray:
+    """Whether sites (n,) are among those of their rows (n, e)."""
+    result = site == columns[:, 0]
+    for other in columns.T[1:]:
+        result |= site == other
+    return result
 
 
 def _minimum_by_row(row: IntArray, value: FloatArray) -> tuple[IntArray, IntArray]:

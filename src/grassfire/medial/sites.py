@@ -140,7 +140,8 @@ class Sites:
         if not self.curved:
             direction = self._direction.take(site, axis=0)
             place = self.anchor.take(site, axis=0) + parameter[:, None] * direction
-            return [place, direction, *np.zeros((2, len(site), 2))][: order + 1]
+            rest = [np.zeros((len(site), 2)) for _ in range(2, order + 1)]
+            return [place, direction, *rest][: order + 1]
         if self.all_spirals:
             return self.curves(site).at(parameter, order)
         kind = self.kind[site]
