@@ -70,6 +70,14 @@ class _Near(Columns):
     rise: FloatArray
     sine: FloatArray
 
+    def chords(self) -> _Chords:
+        """What closed forms need of all rows."""
+        tangents = self.tangents
+        return _Chords(
+            tangents.position, tangents.normal, self.target, self.adjacent, self.end,
+            self.relative, self.rise,
+        )  # fmt: skip
+
     def approach(self) -> Approach:
         """All rows, whose targets are spirals."""
         tangents = self.tangents
@@ -77,6 +85,19 @@ class _Near(Columns):
             tangents.position, tangents.normal, tangents.parameter, self.target, self.same,
             self.adjacent, self.end, self.relative, self.rise, self.sine,
         )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Chords(Columns):
+    """The same for targets with closed forms."""
+
+    position: FloatArray
+    normal: FloatArray
+    target: IntArray
+    adjacent: BoolArray
+    end: FloatArray
+    relative: FloatArray
+    rise: FloatArray
 
 
 def contact(
@@ -96,46 +117,83 @@ def contact(
     parameter, radius : (n,) float arrays
         Contact on the target and disk radius, mm; infinite where no disk reaches it.
     """
-    near = _near(sites, tangents, target)
-    if sites.all_spirals:
+    if not sites.curved:
+        parameter, radius = _closed(sites, _straight(sites, tangents, target))
+    elif sites.all_spirals:
+        near = _near(sites, tangents, target)
         parameter, radius = spiral_contact(sites, near.approach(), hint)
     else:
-        parameter, radius = _by_kind(sites, near, hint)
+        parameter, radius = _mixed(sites, _near(sites, tangents, target), hint)
     # The point itself, met as the end of a neighbouring site, is no second contact.
     rows = (radius < 1e-6 * sites.size).nonzero()[0]
     if len(rows):
-        site, at = target[rows], parameter[rows]
-        end = (at <= sites.low[site]) | (at >= sites.high[site])
-        end |= sites.kind[site] == SiteKind.POINT
-        chord = sites.point(site, at) - tangents.position[rows]
+        site, at = target.take(rows), parameter.take(rows)
+        end = (at <= sites.low.take(site)) | (at >= sites.high.take(site))
+        end |= sites.kind.take(site) == SiteKind.POINT
+        chord = sites.point(site, at) - tangents.position.take(rows, axis=0)
         same = end & (np.hypot(chord[:, 0], chord[:, 1]) <= 1e-12 * sites.size)
         radius[rows[same]] = np.inf
     return parameter, radius
 
 
-def _by_kind(sites: Sites, near: _Near, hint: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Contacts and radii, the targets of each kind at once."""
-    target = near.target
-    kind = sites.kind[target]
-    parameter, radius = np.full(len(target), np.nan), np.full(len(target), np.inf)
+def _mixed(sites: Sites, near: _Near, hint: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Contacts and radii where some of the targets may be spirals."""
+    spiral = sites.kind.take(near.target) == SiteKind.SPIRAL
+    rows = spiral.nonzero()[0]
+    if not len(rows):
+        return _closed(sites, near.chords())
+    parameter, radius = np.empty(len(spiral)), np.empty(len(spiral))
+    part = near.take(rows).approach()
+    parameter[rows], radius[rows] = spiral_contact(sites, part, hint.take(rows))
+    _leave_corners(sites, near.target, parameter, radius)
+    rows = (~spiral).nonzero()[0]
+    if len(rows):
+        parameter[rows], radius[rows] = _closed(sites, near.chords().take(rows))
+    return parameter, radius
+
+
+def _closed(sites: Sites, chords: _Chords) -> tuple[FloatArray, FloatArray]:
+    """Contacts and radii in closed form, the targets of each kind at once."""
+    kind = sites.kind.take(chords.target)
+    parameter, radius = np.empty(len(kind)), np.empty(len(kind))
     for value, method in (
         (SiteKind.LINE, _line),
         (SiteKind.ARC, _arc),
         (SiteKind.POINT, _point),
     ):
-        rows = np.flatnonzero(kind == value)
-        if len(rows):
-            parameter[rows], radius[rows] = method(sites, near.take(rows))
-    rows = np.flatnonzero(kind == SiteKind.SPIRAL)
-    if len(rows):
-        part = near.take(rows).approach()
-        parameter[rows], radius[rows] = spiral_contact(sites, part, hint[rows])
-    # The end of a site at a reflex corner is the corner's to touch.
-    low, high = parameter <= sites.low[target], parameter >= sites.high[target]
-    point = sites.kind == SiteKind.POINT
-    corner = (low & point[sites.preceding[target]]) | (high & point[sites.following[target]])
-    radius[corner & ~point[target]] = np.inf
+        rows = (kind == value).nonzero()[0]
+        if len(rows) == len(kind):
+            parameter, radius = method(sites, chords)
+        elif len(rows):
+            parameter[rows], radius[rows] = method(sites, chords.take(rows))
+    _leave_corners(sites, chords.target, parameter, radius)
     return parameter, radius
+
+
+def _leave_corners(
+    sites: Sites, target: IntArray, parameter: FloatArray, radius: FloatArray
+) -> None:
+    """The end of a site at a reflex corner is the corner's to touch. In place."""
+    _, _, before, after = sites.ends
+    corner = (parameter <= sites.low.take(target)) & before.take(target)
+    corner |= (parameter >= sites.high.take(target)) & after.take(target)
+    rows = corner.nonzero()[0]
+    radius[rows[sites.kind.take(target.take(rows)) != SiteKind.POINT]] = np.inf
+
+
+def _straight(sites: Sites, tangents: Tangents, target: IntArray) -> _Chords:
+    """Chords of polygons: lines that meet do so at their ends."""
+    own, count = tangents.site, len(target)
+    forward, backward = target == sites.following.take(own), target == sites.preceding.take(own)
+    relative, zero, adjacent = np.zeros((count, 2)), np.zeros(count), forward | backward
+    rows = adjacent.nonzero()[0]
+    if len(rows):
+        at = tangents.parameter.take(rows)
+        # Two lines that are a whole loop meet twice: the nearer end counts.
+        ahead = forward.take(rows) & (~backward.take(rows) | (at >= 0.5))
+        away = at - np.where(ahead, 1.0, 0.0)
+        relative[rows] = away[:, None] * sites.direction.take(own.take(rows), axis=0)
+    return _Chords(tangents.position, tangents.normal, target, adjacent, zero, relative, zero)
 
 
 def _near(sites: Sites, tangents: Tangents, target: IntArray) -> _Near:
@@ -208,13 +266,12 @@ def _from_end(
 # -- closed forms ---------------------------------------------------------------------------------
 
 
-def _line(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
-    position, normal = near.tangents.position, near.tangents.normal
-    start, direction = sites.anchor[near.target], sites.extent[near.target]
-    length = np.hypot(direction[:, 0], direction[:, 1])
-    inward = np.stack([-direction[:, 1], direction[:, 0]], axis=1) / length[:, None]
-    offset = np.where(near.adjacent[:, None], near.relative, position - start)
-    height = _above_noise(sites, near, dot(inward, offset))
+def _line(sites: Sites, chords: _Chords) -> tuple[FloatArray, FloatArray]:
+    position, normal, target = chords.position, chords.normal, chords.target
+    start, inward = sites.anchor.take(target, axis=0), sites.inward.take(target, axis=0)
+    offset, meeting = position - start, chords.adjacent.nonzero()[0]
+    offset[meeting] = chords.relative.take(meeting, axis=0)
+    height = _above_noise(sites, chords, dot(inward, offset))
     cosine = dot(normal, inward)
     sine = normal[:, 0] * inward[:, 1] - normal[:, 1] * inward[:, 0]
     # 1 - cos loses all digits for nearly parallel lines; sin^2 / (1 + cos) does not.
@@ -223,23 +280,24 @@ def _line(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
         radius = np.where((height >= 0) & (slack > 1e-30), height / slack, np.inf)
     finite = np.isfinite(radius)
     centre = position + np.where(finite, radius, 0.0)[:, None] * normal
-    parameter = np.where(finite, dot(centre - start, direction) / length**2, np.nan)
-    return _clip(sites, near, parameter, radius)
+    along = dot(centre - start, sites.direction.take(target, axis=0))
+    parameter = np.where(finite, along / sites.length.take(target) ** 2, np.nan)
+    return _clip(sites, chords, parameter, radius)
 
 
-def _arc(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
-    position, normal, target = near.tangents.position, near.tangents.normal, near.target
+def _arc(sites: Sites, chords: _Chords) -> tuple[FloatArray, FloatArray]:
+    position, normal, target = chords.position, chords.normal, chords.target
     rim = sites.radius[target]
     start, sweep = sites.extent[target].T
     sign = np.sign(sweep)
     offset = position - sites.anchor[target]
     distance = np.hypot(offset[:, 0], offset[:, 1])
-    angle = start + near.end * sweep
+    angle = start + chords.end * sweep
     spoke = rim[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    beside = -dot(2 * spoke + near.relative, near.relative)
-    gap = _above_noise(sites, near, rim - distance)
+    beside = -dot(2 * spoke + chords.relative, chords.relative)
+    gap = _above_noise(sites, chords, rim - distance)
     gap = np.where((gap * sign < 0) & (np.abs(gap) <= 1e-12 * sites.size), 0.0, gap)
-    numerator = np.where(near.adjacent, beside, gap * (rim + distance))
+    numerator = np.where(chords.adjacent, beside, gap * (rim + distance))
     with np.errstate(divide="ignore", invalid="ignore"):
         # n.o + s R for nearly parallel contacts: 1 - cos by the sine, as for lines.
         cosine = -sign * dot(normal, offset) / distance
@@ -255,20 +313,22 @@ def _arc(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
     towards = offset + np.where(valid, radius, 0.0)[:, None] * normal
     angle = np.arctan2(towards[:, 1], towards[:, 0])
     parameter = np.where(valid, share_of_turn(angle, start, sweep), np.nan)
-    return _clip(sites, near, parameter, radius)
+    return _clip(sites, chords, parameter, radius)
 
 
-def _point(sites: Sites, near: _Near) -> tuple[FloatArray, FloatArray]:
-    position, normal, target = near.tangents.position, near.tangents.normal, near.target
-    chord = np.where(near.adjacent[:, None], -near.relative, sites.anchor[target] - position)
-    height = np.where(near.adjacent, near.rise, dot(chord, normal))
+def _point(sites: Sites, chords: _Chords) -> tuple[FloatArray, FloatArray]:
+    position, normal, target = chords.position, chords.normal, chords.target
+    anchor, meeting = sites.anchor.take(target, axis=0), chords.adjacent.nonzero()[0]
+    chord = anchor - position
+    chord[meeting] = -chords.relative.take(meeting, axis=0)
+    height = dot(chord, normal)
+    height[meeting] = chords.rise.take(meeting)
     radius = _disk(chord, height)
     finite = np.isfinite(radius)
-    centre = position + np.where(finite, radius, 0.0)[:, None] * normal
-    direction = centre - sites.anchor[target]
-    start, turn = sites.extent[target].T
+    direction = position + np.where(finite, radius, 0.0)[:, None] * normal - anchor
+    start, turn = sites.extent.take(target, axis=0).T
     angle = np.arctan2(direction[:, 1], direction[:, 0])
-    parameter = np.clip(share_of_turn(angle, start, turn), 0.0, 1.0)
+    parameter = np.minimum(np.maximum(share_of_turn(angle, start, turn), 0.0), 1.0)
     return np.where(finite, parameter, np.nan), radius
 
 
@@ -278,25 +338,24 @@ def _disk(chord: FloatArray, height: FloatArray) -> FloatArray:
     return np.where((height > 0) & np.isfinite(radius), radius, np.inf)
 
 
-def _above_noise(sites: Sites, near: _Near, height: FloatArray) -> FloatArray:
+def _above_noise(sites: Sites, chords: _Chords, height: FloatArray) -> FloatArray:
     """Heights that are rounding only are none, unless the sites meet and they are exact."""
-    noise = ~near.adjacent & (np.abs(height) <= 4e-15 * sites.size)
+    noise = ~chords.adjacent & (np.abs(height) <= 4e-15 * sites.size)
     return np.where(noise, 0.0, height)
 
 
 def _clip(
-    sites: Sites, near: _Near, parameter: FloatArray, radius: FloatArray
+    sites: Sites, chords: _Chords, parameter: FloatArray, radius: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Replace contacts beyond an end of the site by the better of its two ends."""
-    low, high = sites.low[near.target], sites.high[near.target]
-    rows = np.flatnonzero(~((parameter >= low) & (parameter <= high)))
+    low, high = sites.low.take(chords.target), sites.high.take(chords.target)
+    rows = (~((parameter >= low) & (parameter <= high))).nonzero()[0]
     if len(rows):
-        position, normal = near.tangents.position[rows], near.tangents.normal[rows]
-        ends = [
-            disk_through(sites.point(near.target[rows], end[rows]) - position, normal)
-            for end in (low, high)
-        ]
-        first = ends[0] <= ends[1]
-        parameter[rows] = np.where(first, low[rows], high[rows])
-        radius[rows] = np.where(first, ends[0], ends[1])
+        position, normal = chords.position.take(rows, axis=0), chords.normal.take(rows, axis=0)
+        target, low, high = chords.target.take(rows), low.take(rows), high.take(rows)
+        first, last = (
+            disk_through(sites.point(target, end) - position, normal) for end in (low, high)
+        )
+        parameter[rows] = np.where(first <= last, low, high)
+        radius[rows] = np.where(first <= last, first, last)
     return parameter, radius

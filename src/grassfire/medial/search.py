@@ -720,7 +720,7 @@ def _among(number: IntArray, others: IntArray) -> BoolArray:
 
 def _among_columns(site: IntArray, columns: IntArray) -> BoolArray:
     """Whether sites (n,) are among those of their rows (n, e)."""
-    result = site == columns[:, 0]
+    result: BoolArray = site == columns[:, 0]
     for other in columns.T[1:]:
         result |= site == other
     return result

@@ -138,14 +138,14 @@ class Sites:
     def derivatives(self, site: IntArray, parameter: FloatArray, order: int) -> list[FloatArray]:
         """Point and derivatives up to `order` (at most 3), each of shape (n, 2)."""
         if not self.curved:
-            direction = self._direction.take(site, axis=0)
+            direction = self.direction.take(site, axis=0)
             place = self.anchor.take(site, axis=0) + parameter[:, None] * direction
             rest = [np.zeros((len(site), 2)) for _ in range(2, order + 1)]
             return [place, direction, *rest][: order + 1]
         if self.all_spirals:
             return self.curves(site).at(parameter, order)
         kind = self.kind[site]
-        direction = self._direction[site]
+        direction = self.direction[site]
         result = [self.anchor[site] + parameter[:, None] * direction, direction]
         result.extend(np.zeros((len(site), 2)) for _ in range(2, order + 1))
         del result[order + 1 :]
@@ -195,7 +195,7 @@ class Sites:
         )
 
     @cached_property
-    def _direction(self) -> FloatArray:
+    def direction(self) -> FloatArray:
         """(m, 2) direction of lines, 0 for others."""
         return np.where((self.kind == SiteKind.LINE)[:, None], self.extent, 0.0)
 
@@ -203,18 +203,18 @@ class Sites:
     def _square(self) -> FloatArray:
         """(m,) squared lengths of lines, 1 for others."""
         line = self.kind == SiteKind.LINE
-        return np.where(line, dot(self._direction, self._direction), 1.0)
+        return np.where(line, dot(self.direction, self.direction), 1.0)
 
     @cached_property
     def length(self) -> FloatArray:
         """(m,) lengths of lines, 0 for others."""
-        return np.hypot(self._direction[:, 0], self._direction[:, 1])
+        return np.hypot(self.direction[:, 0], self.direction[:, 1])
 
     @cached_property
     def inward(self) -> FloatArray:
         """(m, 2) inward unit normals of lines, 0 for others."""
         length = np.where(self.length > 0, self.length, 1.0)
-        x, y = self._direction.T / length
+        x, y = self.direction.T / length
         return np.stack([-y, x], axis=1)
 
     def _arc(self, site: IntArray, parameter: FloatArray) -> Iterator[FloatArray]:
@@ -283,10 +283,10 @@ class Sites:
 
     def _fanned(self, site: IntArray, parameter: FloatArray, normal: FloatArray) -> FloatArray:
         """The same with the normals (n, 2) at corners, in place."""
-        point = (self.kind[site] == SiteKind.POINT).nonzero()[0]
+        point = (self.kind.take(site) == SiteKind.POINT).nonzero()[0]
         if len(point):
-            start, turn = self.extent[site[point]].T
-            angle = start + parameter[point] * turn
+            start, turn = self.extent.take(site.take(point), axis=0).T
+            angle = start + parameter.take(point) * turn
             normal[point, 0], normal[point, 1] = np.cos(angle), np.sin(angle)
         return normal
 
@@ -323,9 +323,10 @@ class Sites:
                 return result
         else:
             result = self.length.take(site)
-        point = (self.kind[site] == SiteKind.POINT).nonzero()[0]
+        point = (self.kind.take(site) == SiteKind.POINT).nonzero()[0]
         if len(point):
-            result[point] = np.abs(self.extent[site[point], 1]) * radius[point]
+            turn = self.extent[:, 1].take(site.take(point))
+            result[point] = np.abs(turn) * radius.take(point)
         return result
 
     # -- projection -------------------------------------------------------------------------------
@@ -340,7 +341,7 @@ class Sites:
         if self.all_spirals:
             return self._project_spiral(target, centre, hint, slack)
         # Points have no direction, which makes their parameter 0; curves are dealt with below.
-        direction, square = self._direction.take(target, axis=0), self._square.take(target)
+        direction, square = self.direction.take(target, axis=0), self._square.take(target)
         along = dot(centre - self.anchor.take(target, axis=0), direction)
         parameter = np.minimum(np.maximum(along / square, 0.0), 1.0)
         kind = self.kind.take(target)
