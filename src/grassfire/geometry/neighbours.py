@@ -86,11 +86,27 @@ class Neighbours:
     def pairs(self, distance: float) -> IntArray:
         """(k, 2) rows, the lesser first, of points at most `distance` from each other."""
         if len(self.points) ** 2 > FEW:
+            rows = self._crowded(distance)
+            if len(rows) < len(self.points):
+                return np.asarray(rows[Neighbours(self.points[rows]).pairs(distance)])
             found = self.tree.query_pairs(distance, output_type="ndarray")
             return np.asarray(found, dtype=np.int64)
         step = self.points[:, None, :] - self.points[None, :, :]
         near = np.einsum("ijk,ijk->ij", step, step) <= distance * distance
         return np.argwhere(np.triu(near, 1))
+
+    def _crowded(self, distance: float) -> IntArray:
+        """Rows that may be within a distance of others: on a line across all their coordinates they
+        are."""
+        slope = 1.0 / np.sqrt(np.arange(2.0, self.points.shape[1] + 2.0))
+        along = self.points @ (slope / np.hypot.reduce(slope))
+        order = along.argsort()
+        margin = 1e-14 * float(np.abs(self.points).max())
+        close = np.diff(along.take(order)) <= distance + margin
+        beside = np.zeros(len(order), dtype=bool)
+        beside[:-1] |= close
+        beside[1:] |= close
+        return np.sort(order[beside])
 
 
 def connected(first: IntArray, second: IntArray, count: int) -> IntArray:
@@ -99,10 +115,14 @@ def connected(first: IntArray, second: IntArray, count: int) -> IntArray:
     Components are numbered from 0 in the order of their first members.
     """
     if len(first) > FEW_LINKS or count > FEW:
-        from scipy.sparse import coo_matrix
+        from scipy.sparse import csr_array
         from scipy.sparse.csgraph import connected_components
 
-        matrix = coo_matrix((np.ones(len(first)), (first, second)), shape=(count, count))
+        order = first.argsort(kind="stable")
+        start = np.zeros(count + 1, dtype=np.int32)
+        np.cumsum(np.bincount(first, minlength=count), out=start[1:])
+        column = second.take(order).astype(np.int32)
+        matrix = csr_array((np.ones(len(first)), column, start), shape=(count, count))
         return np.asarray(connected_components(matrix, directed=False)[1], dtype=np.int64)
     above = list(range(count))
     for one, other in zip(first.tolist(), second.tolist(), strict=True):

@@ -107,10 +107,11 @@ class MedialAxis:
         """Vertices that belong to a kept edge (or are the whole axis), and their new numbers."""
         kept = ~self.pruned
         count = len(self.fit.vertex_radius)
-        if kept.any():
-            used = np.unique(np.concatenate([self.span.first[kept], self.span.last[kept]]))
-        else:
-            used = np.flatnonzero(np.arange(count) == np.argmax(self.fit.vertex_radius))
+        held = np.zeros(count, dtype=bool)
+        held[self.span.first[kept]] = held[self.span.last[kept]] = True
+        if not kept.any():
+            held[np.argmax(self.fit.vertex_radius)] = True
+        used = held.nonzero()[0]
         number = np.full(count, -1, dtype=np.int64)
         number[used] = np.arange(len(used))
         return used, number

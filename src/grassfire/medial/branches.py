@@ -140,7 +140,9 @@ class Branches:
         if not len(rows):
             return result, site, parameter
         group = equal_rows(np.round(disks.centre[rows] / (1e-10 * self.sites.size)).T)
-        _, first, members = np.unique(group, return_index=True, return_counts=True)
+        members = np.bincount(group)
+        first = np.empty(len(members), dtype=np.int64)
+        first[group[::-1]] = np.arange(len(group))[::-1]
         chosen = rows[first]
         centre, feet = disks.centre[chosen], None
         if SiteKind.SPIRAL in self.sites.curved:
@@ -169,9 +171,10 @@ class Branches:
         centre, radius = np.zeros((count, 2)), np.zeros(count)
         parameter, good = np.full((count, 3), np.nan), np.zeros(count, dtype=bool)
         mine, one, other = triple.T
-        beside = (sites.preceding[mine] == one) & (sites.following[mine] == other)
-        beside &= np.all(sites.kind[triple] == SiteKind.LINE, axis=1)
-        rows = np.flatnonzero(beside)
+        beside = sites.preceding.take(mine) == one
+        beside &= sites.following.take(mine) == other
+        rows = beside.nonzero()[0]
+        rows = rows[np.all(sites.kind.take(triple.take(rows, axis=0)) == SiteKind.LINE, axis=1)]
         run = np.concatenate([[0], np.cumsum(sites.following[mine[rows[:-1]]] != mine[rows[1:]])])
         length = np.bincount(run[: len(rows)]) if len(rows) else np.zeros(0, dtype=np.int64)
         for number in np.flatnonzero(length > _CROWD):

@@ -15,6 +15,7 @@ from grassfire.geometry.chebyshev import (
     interpolate_to_bezier,
 )
 from grassfire.geometry.neighbours import connected
+from grassfire.medial.columns import Columns
 from grassfire.medial.edges import FEET_APART, NODES, TOP, Fit, Span, evaluate_span, motion
 from grassfire.medial.graph import Graph
 from grassfire.medial.nodes import WHOLE
@@ -135,9 +136,11 @@ def certify(
         _demand_orientation(sites, fit, places, disks, limit)
     _demand(sites, every, away, tolerance, "a disk of the medial axis is off")
     left, right = envelope(disks, first, second, places.fraction)
-    seen = _seen(sites, places.span, disks, left - right)
-    alone = _recovery_errors(sites, search, places, np.concatenate([left, right]))
-    recovery = np.maximum(same, np.where(seen, alone, 0.0))
+    rows = _seen(sites, places.span, disks, left - right).nonzero()[0]
+    sides = np.concatenate([left.take(rows, axis=0), right.take(rows, axis=0)])
+    recovery = same.copy()
+    alone = _recovery_errors(sites, search, places.take(rows), sides)
+    recovery[rows] = np.maximum(same.take(rows), alone)
     area_error = abs(_cell_area(sites, graph, fit, tolerance) - region.area)
     if area_error > 10 * tolerance * search.perimeter + 1e-12 * sites.size**2:
         raise GeometryError(
@@ -218,7 +221,7 @@ def _euler(region: Region, fit: Fit) -> bool:
 
 
 @dataclass(frozen=True)
-class _Places:
+class _Places(Columns):
     """Pieces (n,), their spans, fractions (n,), and the parameters of both feet (n,), at which the
     disks are tried."""
 
@@ -309,13 +312,15 @@ def _demand_chain(sites: Sites, graph: Graph, tolerance: float) -> None:
     inside = ~final & (graph.site[after] == graph.site)
     goal = np.where(inside, graph.start[after], sites.high[graph.site])
     rest = np.abs(goal - graph.end) * sites.speed(graph.site, graph.end, graph.last_radius)
-    head = np.where(inside[np.argsort(after)], 0.0, np.abs(graph.start - sites.low[graph.site]))
+    ahead = np.empty(len(loop), dtype=bool)
+    ahead[after] = inside
+    head = np.where(ahead, 0.0, np.abs(graph.start - sites.low[graph.site]))
     rest += head * sites.speed(graph.site, graph.start, graph.first_radius)
     jump = (graph.last != graph.first[after]) | (
         ~inside & (sites.following[graph.site] != graph.site[after])
     )
     rest[jump] = np.inf
-    if len(np.unique(loop)) <= sites.loop.max():
+    if not np.bincount(loop, minlength=int(sites.loop.max()) + 1).all():
         raise GeometryError("a loop of the boundary has no medial axis", place=tuple(sites.origin))
     disks = np.concatenate([graph.last_centre, graph.last_radius[:, None]], axis=1)
     _demand(sites, disks, rest, tolerance, "the cells of the medial axis leave boundary out")

@@ -9,6 +9,8 @@ import numpy as np
 
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray
 
+_WEIGHTS = (2**0.5, 3**0.5)
+
 
 class Columns:
     """Base of dataclasses whose fields are arrays of one length, or `Columns` again."""
@@ -48,9 +50,32 @@ class Columns:
 
 
 def equal_rows(columns: FloatArray | IntArray) -> IntArray:
-    """Numbers (n,) of rows given as (k, n) columns: equal for equal rows, from 0 in order."""
-    order = np.lexsort(columns)
-    step = np.any(np.diff(columns[:, order], axis=1) != 0, axis=0)
+    """Numbers (n,) of rows given as (k, n) columns: equal for equal rows alone, from 0."""
+    order, step = grouped(columns)
     number: IntArray = np.zeros(columns.shape[1], dtype=np.int64)
-    number[order] = np.concatenate([[0], np.cumsum(step)])
+    number[order[1:]] = np.cumsum(step)
     return number
+
+
+def grouped(columns: FloatArray | IntArray) -> tuple[IntArray, BoolArray]:
+    """An order (n,) of rows given as (k, n) columns in which equal ones are neighbours, first come
+    first, and whether rows differ from the one before, (n - 1,)."""
+    # One sum of irrational multiples tells rows apart, but for those that rounding makes the same.
+    key = columns[0].astype(np.float64)
+    for column, weight in zip(columns[1:], _WEIGHTS, strict=False):
+        key += weight * column
+    order = key.argsort(kind="stable")
+    key, step = key.take(order), _steps(columns, order)
+    if len(columns) > len(_WEIGHTS) + 1 or np.any(step & (key[1:] == key[:-1])):
+        order = np.lexsort(columns)
+        step = _steps(columns, order)
+    return order, step
+
+
+def _steps(columns: FloatArray | IntArray, order: IntArray) -> BoolArray:
+    """Whether rows in an order differ from the one before."""
+    step = np.zeros(max(len(order) - 1, 0), dtype=bool)
+    for column in columns:
+        value = column.take(order)
+        step |= value[1:] != value[:-1]
+    return step

@@ -159,7 +159,7 @@ class Fit:
     @cached_property
     def _tables(self) -> list[tuple[int, IntArray, FloatArray]]:
         groups = []
-        for degree in np.unique(self.degree):
+        for degree in np.bincount(self.degree).nonzero()[0]:
             rows = np.flatnonzero(self.degree == degree)
             table = self.control[self.offset[rows, None] + np.arange(degree + 1)]
             groups.append((int(degree), rows, table))

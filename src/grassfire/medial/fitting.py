@@ -506,7 +506,7 @@ def _drawable(
     bent = np.where(pieces.degree > 1, pieces.degree, 0)
     # Between two corners the axis is straight.
     bent[pieces.span.hyperbolic] = 0
-    for degree in np.unique(bent[bent > 0]):
+    for degree in np.bincount(bent)[1:].nonzero()[0] + 1:
         rows = np.flatnonzero(bent == degree)
         bend = _bend(pieces.table[rows, : degree + 1, :2])
         parts[rows] = np.ceil(np.sqrt(np.maximum(bend / (8 * _CHORDS**2 * tolerance), 1.0)))

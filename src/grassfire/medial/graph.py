@@ -8,7 +8,7 @@ import numpy as np
 
 from grassfire.errors import GeometryError
 from grassfire.geometry.neighbours import Neighbours, connected
-from grassfire.medial.columns import equal_rows
+from grassfire.medial.columns import equal_rows, grouped
 from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.nodes import WHOLE, Intervals, Nodes
 from grassfire.medial.sites import BoolArray, FloatArray, IntArray, Sites
@@ -214,18 +214,18 @@ def _triples(topology: Topology, events: IntArray) -> IntArray:
     if not len(rows):
         return np.zeros((2, 0), dtype=np.int64)
     triple = np.sort(np.stack([site[branch], left[branch], right[branch]], axis=1), axis=1)
-    order = np.lexsort(triple.T[::-1])
-    rows, triple = rows[order], triple[order]
+    order, differ = grouped(triple.T)
+    rows = rows.take(order)
     limit = 1e-6 * topology.sites.size
     pairs = [np.zeros((2, 0), dtype=np.int64)]
     for step in (1, 2):
         if len(rows) <= step:
             continue
-        same = np.all(triple[step:] == triple[:-step], axis=1)
+        same = ~differ if step == 1 else ~(differ[1:] | differ[:-1])
         one, two = rows[:-step][same], rows[step:][same]
-        away = np.hypot(*(nodes.centre[one] - nodes.centre[two]).T)
-        close = (away <= limit) & (nodes.site[one] != nodes.site[two])
-        pairs.append(np.stack([nodes.vertex[one[close]], nodes.vertex[two[close]]]))
+        away = np.hypot(*(nodes.centre.take(one, axis=0) - nodes.centre.take(two, axis=0)).T)
+        close = (away <= limit) & (nodes.site.take(one) != nodes.site.take(two))
+        pairs.append(nodes.vertex.take(np.stack([one[close], two[close]])))
     return np.concatenate(pairs, axis=1)
 
 

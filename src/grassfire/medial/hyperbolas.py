@@ -170,7 +170,7 @@ def _interpolated(span: Span, shape: _Hyperbolas, tolerance: float) -> Interpola
     errors = shape.errors(DEGREES)
     lowest = np.argmax(errors <= shape.limits(DEGREES, tolerance), axis=1)
     table = np.zeros((len(span), TOP + 1, 3))
-    for column in np.unique(lowest):
+    for column in np.bincount(lowest).nonzero()[0]:
         degree, members = DEGREES[column], np.flatnonzero(lowest == column)
         part = shape.take(members)
         angles = part.angles(nodes(degree))

@@ -86,7 +86,7 @@ def jets(
     """
     result = [np.zeros((len(row), 3)) for _ in range(orders + 1)]
     degrees = fit.degree[row]
-    for degree in np.unique(degrees):
+    for degree in np.bincount(degrees).nonzero()[0]:
         members = np.flatnonzero(degrees == degree)
         table = fit.control[fit.offset[row[members], None] + np.arange(degree + 1)]
         place = fraction[members]

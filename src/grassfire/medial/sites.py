@@ -341,9 +341,12 @@ class Sites:
         if self.all_spirals:
             return self._project_spiral(target, centre, hint, slack)
         # Points have no direction, which makes their parameter 0; curves are dealt with below.
-        direction, square = self.direction.take(target, axis=0), self._square.take(target)
-        along = dot(centre - self.anchor.take(target, axis=0), direction)
-        parameter = np.minimum(np.maximum(along / square, 0.0), 1.0)
+        direction, anchor = self.direction.take(target, axis=0), self.anchor.take(target, axis=0)
+        along = dot(centre - anchor, direction) / self._square.take(target)
+        parameter = np.minimum(np.maximum(along, 0.0), 1.0)
+        if not self.curved:
+            delta = centre - (anchor + parameter[:, None] * direction)
+            return parameter, np.hypot(delta[:, 0], delta[:, 1])
         kind = self.kind.take(target)
         if SiteKind.ARC in self.curved:
             rows = (kind == SiteKind.ARC).nonzero()[0]

@@ -10,6 +10,7 @@ root), and the disk there is either empty (a branch point) or shows a site in be
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -99,16 +100,21 @@ class Topology:
         there and rounding would pretend otherwise. Nor do lines that meet at a turn too small for
         a corner.
         """
-        sites = self.sites
+        return self._excluded.take(site, axis=0)
+
+    @cached_property
+    def _excluded(self) -> IntArray:
+        """(m, 3) sites that disks at each site cannot touch again."""
+        sites, site = self.sites, np.arange(len(self.sites))
         plain = (sites.kind == SiteKind.LINE) | (sites.kind == SiteKind.ARC)
         point = sites.kind == SiteKind.POINT
-        before, after = sites.preceding[site], sites.following[site]
+        before, after = sites.preceding, sites.following
         columns = [site]
         for neighbour, joined in (
             (before, continues(sites, before, site)),
             (after, continues(sites, site, after)),
         ):
-            pair = (point[site] & plain[neighbour]) | (plain[site] & point[neighbour]) | joined
+            pair = (point & plain[neighbour]) | (plain & point[neighbour]) | joined
             columns.append(np.where(pair, neighbour, site))
         return np.stack(columns, axis=1)
 
@@ -354,18 +360,19 @@ class Topology:
         before it says to come and some node after it says to have been; -1 where there is none.
         """
         speed = self.sites.speed(nodes.site[:-1], nodes.parameter[:-1], nodes.radius[:-1])
-        gap = np.diff(nodes.parameter) * speed
+        gap = (nodes.parameter[1:] - nodes.parameter[:-1]) * speed
         wide = gap > self.snap
         # Contacts beside a curvature maximum are known to few digits, their disks to all.
         far = gap > self.cluster
         for column in (*nodes.centre.T, nodes.radius):
-            far |= np.abs(np.diff(column)) > self.cluster
+            far |= np.abs(column[1:] - column[:-1]) > self.cluster
         wide &= far
         same = nodes.site[1:] == nodes.site[:-1]
         rows = np.flatnonzero(same & wide)
         group = np.concatenate([[0], np.cumsum(~same | wide)])
-        label = np.where(nodes.right[rows] == nodes.left[rows + 1], nodes.right[rows], -1)
-        poor = np.flatnonzero((label == -1) & (nodes.right[rows] >= 0))
+        ahead = nodes.right.take(rows)
+        label = np.where(ahead == nodes.left.take(rows + 1), ahead, -1)
+        poor = ((label == -1) & (ahead >= 0)).nonzero()[0]
         if len(poor):
             number = np.full(int(group[-1]) + 2, -1, dtype=np.int64)
             number[group[rows[poor]]] = poor
