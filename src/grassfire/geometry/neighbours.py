@@ -24,6 +24,10 @@ FEW_LINKS: Final = 400
 """Links that are followed one by one as quickly as a sparse matrix is made, between things of which
 there are no more than `FEW`."""
 
+LEAST_GROUP: Final = 128
+MOST_GROUPS: Final = 4
+"""Places whose neighbours are looked for within distances are asked about in so many groups."""
+
 
 class Neighbours:
     """Points (n, d), asked for the nearest to others, or for pairs near each other.
@@ -54,7 +58,12 @@ class Neighbours:
         return cKDTree(self.points)
 
     def nearest(
-        self, places: FloatArray, count: int = 1, share: float = 0.0, workers: int = 1
+        self,
+        places: FloatArray,
+        count: int = 1,
+        share: float = 0.0,
+        workers: int = 1,
+        within: FloatArray | None = None,
     ) -> tuple[FloatArray, IntArray]:
         """Distances and rows of the `count` <= n nearest points of each place, nearest first.
 
@@ -66,15 +75,27 @@ class Neighbours:
             By which part of their distance those found may be farther than the nearest.
         workers : int
             Threads; -1 for all cores.
+        within : (m,) float array, optional
+            Distances beyond which points do not matter: they may be left out, and what is then
+            missing of the `count` is infinitely far and has a row that there is not.
 
         Returns
         -------
         (m, count) float and int arrays
         """
         if len(places) * len(self.points) > FEW:
-            away, row = self.tree.query(places, k=count, eps=share, workers=workers)
+            if within is None:
+                return self._query(places, count, share, workers, np.inf)
             shape = len(places), count
-            return np.asarray(away).reshape(shape), np.asarray(row, dtype=np.int64).reshape(shape)
+            away, row = np.empty(shape), np.empty(shape, dtype=np.int64)
+            # The tree takes one bound for all: places with bounds alike are asked about together.
+            groups = min(1 + len(places) // LEAST_GROUP, MOST_GROUPS)
+            for rows in np.array_split(within.argsort(), groups):
+                bound = float(within[rows[-1]])
+                rows = np.sort(rows)
+                found = self._query(places.take(rows, axis=0), count, share, workers, bound)
+                away[rows], row[rows] = found
+            return away, row
         step = places[:, None, :] - self.points[None, :, :]
         square = np.einsum("ijk,ijk->ij", step, step)
         if count == 1:
@@ -82,6 +103,16 @@ class Neighbours:
         else:
             row = square.argsort(axis=1, kind="stable")[:, :count]
         return np.sqrt(np.take_along_axis(square, row, axis=1)), row
+
+    def _query(
+        self, places: FloatArray, count: int, share: float, workers: int, bound: float
+    ) -> tuple[FloatArray, IntArray]:
+        """The answer of the tree, (m, count)."""
+        away, row = self.tree.query(
+            places, k=count, eps=share, distance_upper_bound=bound, workers=workers
+        )
+        shape = len(places), count
+        return np.asarray(away).reshape(shape), np.asarray(row, dtype=np.int64).reshape(shape)
 
     def pairs(self, distance: float) -> IntArray:
         """(k, 2) rows, the lesser first, of points at most `distance` from each other."""

@@ -179,18 +179,24 @@ class BoundarySearch:
         return result
 
     def _query(
-        self, centre: FloatArray, neighbours: int, share: float, radius: FloatArray | None
+        self,
+        centre: FloatArray,
+        neighbours: int,
+        share: float,
+        radius: FloatArray | None,
+        reach: FloatArray | None = None,
     ) -> tuple[FloatArray, IntArray, BoolArray]:
         """Nearest samples, or some farther by a `share` of their distance.
 
         Around disks of a `radius` (n,) that hold no samples to speak of, mm, only those count that
-        disks inside the region touch; columns that this leaves empty are infinitely far. Also where
-        samples were left out so: the nearest site is found then, but others may be missing.
+        disks inside the region touch. Samples beyond a `reach` (n,), mm, may be left out; columns
+        that this leaves empty are infinitely far. Also where others were left out: the nearest site
+        is found then, but some may be missing.
         """
         workers = -1 if len(centre) >= _MANY else 1
         place, far = centre @ _TURNED, self._far
         if far is None or radius is None:
-            found = self.samples.nearest(place, neighbours, share, workers)
+            found = self.samples.nearest(place, neighbours, share, workers, reach)
             return *found, np.zeros(len(place), dtype=bool)
         away = np.full((len(place), neighbours), np.inf)
         index: IntArray = np.zeros((len(place), neighbours), dtype=np.int64)
@@ -204,9 +210,12 @@ class BoundarySearch:
             rows = chosen.nonzero()[0]
             if len(rows):
                 count = min(neighbours, len(samples))
-                found = samples.nearest(place[rows], count, share, workers)
+                bound = None if reach is None else reach[rows]
+                found = samples.nearest(place[rows], count, share, workers, bound)
                 away[rows, :count] = found[0]
-                index[rows, :count] = found[1] if number is None else number[found[1]]
+                index[rows, :count] = (
+                    found[1] if number is None else number.take(found[1], mode="clip")
+                )
         return away, index, distant
 
     def _first_neighbours(self, count: int) -> int:
@@ -359,24 +368,17 @@ class BoundarySearch:
         """Sites among the nearest samples that may come within `radius`; only such that may be the
         `nearest` if that is all that is asked for."""
         wanted = min(neighbours, len(self.site))
-        away, index, partial = self._query(centre, wanted, 0.0, None if outside else radius)
+        reach = self._reach(radius, outside)
+        away, index, partial = self._query(centre, wanted, 0.0, None if outside else radius, reach)
         # A disk is wanted to its whole radius: its nearest site may end before it touches.
         limit = radius
         if nearest:
             limit = np.minimum(radius, self._nearest_sample(away, index, excluded))
-        # A sample that the disk touches must not be lost to rounding.
-        allowance = (limit * (1 + 1e-9))[:, None]
-        owner = self.site.take(index)
-        half = self.half.take(owner)
-        least = np.maximum(away - self.bulge.take(owner), 0.0) if self.most_bulge else away
-        if outside:
-            allowed = least <= allowance + half
-        else:
-            allowed = least * least <= allowance * allowance + half * half
         complete = self._complete(away[:, -1], limit, slack, outside)
         complete |= wanted == len(self.site)
-        place = allowed.ravel().nonzero()[0]
-        row, target = place // wanted, owner.ravel().take(place)
+        place = (away <= reach[:, None]).ravel().nonzero()[0]
+        place = place[self._touched(away, index, place, limit, outside)]
+        row, target = place // wanted, self.site.take(index.ravel().take(place))
         # The nearest sample of each site: rows are in order and so are samples within a row.
         key = row * len(self.sites) + target
         order = key.argsort(kind="stable")
@@ -395,13 +397,32 @@ class BoundarySearch:
             partial,
         )
 
+    def _reach(self, radius: FloatArray, outside: bool) -> FloatArray:
+        """Distances (n,) beyond which samples are of no site that comes within a radius (n,)."""
+        beyond = radius + self.half_step if outside else np.hypot(radius, self.half_step)
+        return np.asarray((beyond + self.most_bulge) * (1 + 1e-8))
+
+    def _touched(
+        self, away: FloatArray, index: IntArray, place: IntArray, limit: FloatArray, outside: bool
+    ) -> BoolArray:
+        """Whether samples in `place` (k,) of the flat columns are of sites that may come within a
+        limit (n,)."""
+        owner, away = self.site.take(index.ravel().take(place)), away.ravel().take(place)
+        # A sample that the disk touches must not be lost to rounding.
+        allowance = (limit * (1 + 1e-9)).take(place // index.shape[1])
+        half = self.half.take(owner)
+        least = np.maximum(away - self.bulge.take(owner), 0.0) if self.most_bulge else away
+        if outside:
+            return np.asarray(least <= allowance + half)
+        return np.asarray(least * least <= allowance * allowance + half * half)
+
     def _nearest_sample(
         self, away: FloatArray, index: IntArray, excluded: IntArray | None
     ) -> FloatArray:
         """Least distances (n,) of samples (n, k), nearest first, of sites that are not excluded."""
         if excluded is None:
             return away[:, 0]
-        owner, allowed = self.site.take(index), np.ones(index.shape, dtype=bool)
+        owner, allowed = self.site.take(index, mode="clip"), np.ones(index.shape, dtype=bool)
         for column in excluded.T:
             allowed &= owner != column[:, None]
         return np.asarray(np.where(allowed, away, np.inf).min(axis=1))
