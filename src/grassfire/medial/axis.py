@@ -148,8 +148,12 @@ class MedialAxis:
         points = self.fit.control[:, :2] + self.sites.origin
         radii = self.fit.control[:, 2].copy()
         columns = zip(starts.tolist(), ends.tolist(), low.tolist(), high.tolist(), strict=True)
+        make = tuple.__new__
         return tuple(
-            [Edge(start, end, points[one:two], radii[one:two]) for start, end, one, two in columns]
+            [
+                make(Edge, (start, end, points[one:two], radii[one:two]))
+                for start, end, one, two in columns
+            ]
         )
 
     # -- queries ----------------------------------------------------------------------------------

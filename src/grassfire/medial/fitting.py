@@ -159,21 +159,28 @@ def _as_fit(sites: Sites, parts: list[Interpolants], vertices: FloatArray) -> Fi
     """All pieces in the order of the boundary."""
     span = Span.join(*[part.span for part in parts])
     order = np.lexsort((span.start, span.edge))
-    span, degree = span.take(order), np.concatenate([part.degree for part in parts])
-    # Each coefficient is moved once: from its place in one part after the other to its row.
-    control = np.concatenate(
-        [part.table[np.arange(part.table.shape[1]) <= part.degree[:, None]] for part in parts]
-    )
-    length = degree + 1
-    source, length = (np.cumsum(length) - length)[order], length[order]
-    offset = np.concatenate([[0], np.cumsum(length)])
-    rows = np.arange(offset[-1]) + np.repeat(source - offset[:-1], length)
+    length = 1 + np.concatenate([part.degree for part in parts])
+    offset = np.concatenate([[0], np.cumsum(length.take(order))])
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = np.arange(len(order))
+    control, facing = np.empty((int(offset[-1]), 3)), np.empty((len(order), TOP + 1))
+    # Each coefficient is moved once: from its part to its row.
+    first = 0
+    for part in parts:
+        rows = place[first : first + len(part.degree)]
+        first += len(rows)
+        facing[rows] = part.facing
+        for degree in np.bincount(part.degree).nonzero()[0].tolist():
+            members = (part.degree == degree).nonzero()[0]
+            target = offset.take(rows.take(members))[:, None] + np.arange(degree + 1)
+            control[target] = part.table[:, : degree + 1].take(members, axis=0)
+    span = span.take(order)
     return Fit(
         span=span,
-        control=control.take(rows, axis=0),
+        control=control,
         offset=offset,
         error=np.concatenate([part.error for part in parts])[order],
-        facing=np.concatenate([part.facing for part in parts]).take(order, axis=0),
+        facing=facing,
         exact=_known_degree(sites, span) > 0,
         vertex_centre=vertices[:, :2],
         vertex_radius=vertices[:, 2],

@@ -376,9 +376,11 @@ class BoundarySearch:
             limit = np.minimum(radius, self._nearest_sample(away, index, excluded))
         complete = self._complete(away[:, -1], limit, slack, outside)
         complete |= wanted == len(self.site)
-        place = (away <= reach[:, None]).ravel().nonzero()[0]
-        place = place[self._touched(away, index, place, limit, outside)]
-        row, target = place // wanted, self.site.take(index.ravel().take(place))
+        away, index = away.ravel(), index.ravel()
+        place = (away.reshape(-1, wanted) <= reach[:, None]).ravel().nonzero()[0]
+        row, owner = place // wanted, self.site.take(index.take(place))
+        near = self._touched(away.take(place), owner, limit.take(row), outside).nonzero()[0]
+        place, row, target = place.take(near), row.take(near), owner.take(near)
         # The nearest sample of each site: rows are in order and so are samples within a row.
         key = row * len(self.sites) + target
         order = key.argsort(kind="stable")
@@ -391,8 +393,8 @@ class BoundarySearch:
         return _Candidates(
             row.take(chosen),
             target.take(chosen),
-            self.parameter.take(index.ravel().take(place)),
-            away.ravel().take(place),
+            self.parameter.take(index.take(place)),
+            away.take(place),
             complete,
             partial,
         )
@@ -403,14 +405,11 @@ class BoundarySearch:
         return np.asarray((beyond + self.most_bulge) * (1 + 1e-8))
 
     def _touched(
-        self, away: FloatArray, index: IntArray, place: IntArray, limit: FloatArray, outside: bool
+        self, away: FloatArray, owner: IntArray, limit: FloatArray, outside: bool
     ) -> BoolArray:
-        """Whether samples in `place` (k,) of the flat columns are of sites that may come within a
-        limit (n,)."""
-        owner, away = self.site.take(index.ravel().take(place)), away.ravel().take(place)
+        """Whether samples (k,) so far away are of an `owner` that may come within a limit (k,)."""
         # A sample that the disk touches must not be lost to rounding.
-        allowance = (limit * (1 + 1e-9)).take(place // index.shape[1])
-        half = self.half.take(owner)
+        allowance, half = limit * (1 + 1e-9), self.half.take(owner)
         least = np.maximum(away - self.bulge.take(owner), 0.0) if self.most_bulge else away
         if outside:
             return np.asarray(least <= allowance + half)

@@ -46,10 +46,14 @@ class PlainTriples:
     def distances(self, rows: IntArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Signed distances (3, k) of the centres (2, k) to the sites, carried on beyond their ends,
         and their gradients (2, 3, k)."""
-        offset = centre[:, None] - self.anchor.take(rows, axis=2)
-        gradient = self.normal.take(rows, axis=2)
+        whole = len(rows) == self.point.shape[1]
+        anchor = self.anchor if whole else self.anchor.take(rows, axis=2)
+        gradient = self.normal if whole else self.normal.take(rows, axis=2)
+        offset = centre[:, None] - anchor
         away = offset[0] * gradient[0] + offset[1] * gradient[1]
-        point = self.point.take(rows, axis=1)
+        point = self.point if whole else self.point.take(rows, axis=1)
+        if not point.any():
+            return away, gradient
         reach = np.hypot(offset[0], offset[1])
         away = np.where(point, reach, away)
         gradient = np.where(point, offset / np.maximum(reach, 1e-300), gradient)
