@@ -21,6 +21,7 @@ from grassfire.medial.sites import (
     SiteKind,
     Sites,
     dot,
+    largest,
     share_of_turn,
 )
 
@@ -68,7 +69,8 @@ def _lines(sites: Sites, span: Span, tolerance: float) -> tuple[Interpolants, Bo
     error = np.zeros(len(span))
     for disk in (span.first_disk, span.last_disk):
         for site in (span.site, span.partner):
-            height = dot(sites.inward[site], disk[:, :2] - sites.anchor[site])
+            offset = disk[:, :2] - sites.anchor.take(site, axis=0)
+            height = dot(sites.inward.take(site, axis=0), offset)
             error = np.maximum(error, np.abs(height - disk[:, 2]))
     table = np.stack([span.first_disk, span.last_disk], axis=1)
     step = span.facing_end - span.facing_start
@@ -82,8 +84,8 @@ def _parabolas(sites: Sites, span: Span, tolerance: float) -> tuple[Interpolants
     exact = _parabola(sites, span)
     middle = 2 * exact[:, 1] - 0.5 * (span.first_disk + span.last_disk)
     table = np.stack([span.first_disk, middle, span.last_disk], axis=1)
-    off = 0.0625 * table[:, [0, 2]] + 0.375 * table[:, [1]] + 0.5625 * table[:, [2, 0]]
-    error = np.abs(off - exact[:, [2, 0]]).max(axis=(1, 2), initial=0.0)
+    off = 0.0625 * table[:, ::2] + 0.375 * table[:, 1:2] + 0.5625 * table[:, ::-2]
+    error = largest((off - exact[:, ::-2]).reshape(-1, 6))
     even = np.ones(len(span))
     limit = deviation_limit(span.first_disk, span.last_disk, tolerance * even, even, np.array([2]))[
         :, 0
@@ -94,8 +96,9 @@ def _parabolas(sites: Sites, span: Span, tolerance: float) -> tuple[Interpolants
 
 def _parabola(sites: Sites, span: Span) -> FloatArray:
     """(k, 3, 3) disks at the quarters between; not finite where corners lie behind their lines."""
-    start, along = sites.anchor[span.site], sites.extent[span.site]
-    normal, apart = sites.inward[span.site], sites.anchor[span.partner] - start
+    start, along = (part.take(span.site, axis=0) for part in (sites.anchor, sites.extent))
+    normal = sites.inward.take(span.site, axis=0)
+    apart = sites.anchor.take(span.partner, axis=0) - start
     length = sites.length[span.site]
     height = dot(normal, apart)[:, None]
     at = span.start[:, None] + (span.end - span.start)[:, None] * _QUARTERS

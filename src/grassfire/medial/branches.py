@@ -35,8 +35,8 @@ class Guess(Columns):
         """The first and third, then the third and last sites, where the third reaches in."""
         part = replace(
             self.take(rows),
-            parameter=disks.parameter[rows],
-            centre=disks.centre[rows],
+            parameter=disks.parameter.take(rows, axis=0),
+            centre=disks.centre.take(rows, axis=0),
             radius=disks.radius[rows],
         )
         both = []
@@ -85,7 +85,7 @@ class Branches:
             left,
             right,
             np.concatenate([0.5 * (left + right)[:, None], facing], axis=1),
-            0.5 * (nodes.centre[rows] + nodes.centre[rows + 1]),
+            0.5 * (nodes.centre.take(rows, axis=0) + nodes.centre.take(rows + 1, axis=0)),
             0.5 * (nodes.radius[rows] + nodes.radius[rows + 1]),
         )
 
@@ -139,12 +139,12 @@ class Branches:
         rows = np.flatnonzero(disks.good)
         if not len(rows):
             return result, site, parameter
-        group = equal_rows(np.round(disks.centre[rows] / (1e-10 * self.sites.size)).T)
+        group = equal_rows(np.round(disks.centre.take(rows, axis=0).T / (1e-10 * self.sites.size)))
         members = np.bincount(group)
         first = np.empty(len(members), dtype=np.int64)
         first[group[::-1]] = np.arange(len(group))[::-1]
         chosen = rows[first]
-        centre, feet = disks.centre[chosen], None
+        centre, feet = disks.centre.take(chosen, axis=0), None
         if SiteKind.SPIRAL in self.sites.curved:
             feet = self._feet(triple[chosen], disks.take(chosen))
         away, nearest, where = self.search.nearest(centre, bound=disks.radius[chosen], feet=feet)

@@ -87,7 +87,7 @@ def _straightened(pieces: Pieces, limit: float) -> tuple[Pieces, float]:
     moved = 0.0
     while True:
         after = neighbours(pieces.loop)[0]
-        one, two = pieces.extent, pieces.extent[after]
+        one, two = pieces.extent, pieces.extent.take(after, axis=0)
         whole = one + two
         line = pieces.kind == SiteKind.LINE
         height = np.abs(cross(one, two)) / np.maximum(np.hypot(*whole.T), 1e-300)

@@ -21,7 +21,7 @@ from grassfire.medial.graph import Graph
 from grassfire.medial.nodes import WHOLE
 from grassfire.medial.recover import envelope, jets
 from grassfire.medial.search import BoundarySearch, Feet
-from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, dot
+from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, dot, largest
 
 _PROBES = np.array([0.09, 0.34, 0.66, 0.91])
 """Between the Chebyshev points of all degrees."""
@@ -290,8 +290,9 @@ def _vertex_distance(sites: Sites, fit: Fit, tolerance: float) -> FloatArray:
     vertex = np.concatenate([span.first, span.last, span.first, span.last])
     site = np.concatenate([span.site, span.site, span.partner, span.partner])
     hint = np.concatenate([span.start, span.end, span.facing_start, span.facing_end])
-    distance = _distance(sites, site, fit.vertex_centre[vertex], hint)
-    disks = np.concatenate([fit.vertex_centre, fit.vertex_radius[:, None]], axis=1)[vertex]
+    distance = _distance(sites, site, fit.vertex_centre.take(vertex, axis=0), hint)
+    disks = np.concatenate([fit.vertex_centre, fit.vertex_radius[:, None]], axis=1)
+    disks = disks.take(vertex, axis=0)
     missed = np.abs(distance - disks[:, 2])
     message = "a disk of the medial axis misses a site at its vertex"
     _demand(sites, disks, missed, _COMMON * tolerance, message)
@@ -379,6 +380,8 @@ def _distance(sites: Sites, site: IntArray, point: FloatArray, hint: FloatArray)
     Two steps of Newton's method from the interpolated contact are more than rounding can tell;
     what they leave only makes the distance longer, and an error larger.
     """
+    if not sites.curved:
+        return sites.project(site, point, hint)[1]
     result = np.zeros(len(site))
     spiral = sites.kind[site] == SiteKind.SPIRAL
     rows = np.flatnonzero(~spiral)
@@ -409,7 +412,7 @@ def _seen(sites: Sites, span: Span, disks: FloatArray, apart: FloatArray) -> Boo
     ten times that over l. Where the feet are less than a tenth of r apart, the square root of eq.
     (1) all but vanishes and enlarges whatever the derivatives are off by.
     """
-    length = np.abs(span.last_disk - span.first_disk).max(axis=1)
+    length = largest(span.last_disk - span.first_disk)
     distance = np.hypot(apart[:, 0], apart[:, 1])
     return np.asarray((length > 1e-9 * sites.size) & (distance > FEET_APART * disks[:, 2]))
 
@@ -465,7 +468,7 @@ def _cell_area(sites: Sites, graph: Graph, fit: Fit, tolerance: float) -> float:
 
 def _kites(sites: Sites, span: Span) -> float:
     """Area of what two corners and the disks at both ends of pieces between them enclose."""
-    apart = sites.anchor[span.partner] - sites.anchor[span.site]
+    apart = sites.anchor.take(span.partner, axis=0) - sites.anchor.take(span.site, axis=0)
     along = span.last_disk[:, :2] - span.first_disk[:, :2]
     return 0.5 * float(np.sum(np.hypot(*apart.T) * np.hypot(*along.T)))
 

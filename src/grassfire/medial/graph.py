@@ -112,8 +112,8 @@ def _assemble(topology: Topology) -> tuple[Graph, IntArray]:
         first=first,
         last=last,
         mate=mate,
-        first_centre=nodes.centre[head],
-        last_centre=nodes.centre[tail],
+        first_centre=nodes.centre.take(head, axis=0),
+        last_centre=nodes.centre.take(tail, axis=0),
         first_radius=nodes.radius[head],
         last_radius=nodes.radius[tail],
     )
@@ -150,7 +150,7 @@ def _vertices(topology: Topology, intervals: Intervals) -> tuple[IntArray, Float
     nodes = topology.nodes
     events = np.flatnonzero(nodes.vertex >= 0)
     identity = nodes.vertex[events]
-    centre, radius = nodes.centre[events], nodes.radius[events]
+    centre, radius = nodes.centre.take(events, axis=0), nodes.radius.take(events)
     links = _neighbours(identity, centre, radius, topology.cluster)
     links.append(_triples(topology, events))
     group = intervals.group[events]
@@ -196,7 +196,7 @@ def _neighbours(
     same = np.diff(cell[order]) == 0
     within = np.stack([identity[order[:-1]][same], identity[order[1:]][same]])
     first = order[np.concatenate([[True], ~same])]
-    near = Neighbours(disk[first]).pairs(length)
+    near = Neighbours(disk.take(first, axis=0)).pairs(length)
     between = np.stack([identity[first[near[:, 0]]], identity[first[near[:, 1]]]])
     return [within, between]
 

@@ -18,7 +18,7 @@ from grassfire.geometry.chebyshev import interpolate_to_bezier, nodes
 from grassfire.medial.columns import Columns
 from grassfire.medial.edges import DEGREES, NODES, TOP, Span
 from grassfire.medial.interpolants import Interpolants, cut_span, deviation_limit
-from grassfire.medial.sites import FloatArray, IntArray, SiteKind, Sites, dot
+from grassfire.medial.sites import FloatArray, IntArray, SiteKind, Sites, dot, largest
 
 _LEAST = 1e-3
 """Ranges of the hyperbolic angle below which even steps of the parameter are as good."""
@@ -41,7 +41,7 @@ class _Hyperbolas(Columns):
     @staticmethod
     def of(sites: Sites, span: Span) -> _Hyperbolas:
         """Edges between two corners."""
-        one, two = sites.anchor[span.site], sites.anchor[span.partner]
+        one, two = (sites.anchor.take(site, axis=0) for site in (span.site, span.partner))
         apart = two - one
         half = 0.5 * np.hypot(apart[:, 0], apart[:, 1])
         along = np.stack([-apart[:, 1], apart[:, 0]], axis=1) / (2 * half)[:, None]
@@ -122,7 +122,7 @@ def between_corners(
     rows = np.flatnonzero(point[span.site] & point[span.partner])
     shape = _Hyperbolas.of(sites, span.take(rows))
     known = np.stack([span.first_disk[rows], span.last_disk[rows]], axis=1)
-    away = np.abs(shape.ends() - known).max(axis=(1, 2), initial=0.0)
+    away = largest((shape.ends() - known).reshape(-1, 6))
     number = _numbers(shape, tolerance)
     number[~(away <= 0.1 * tolerance) | (np.abs(shape.last - shape.first) <= _LEAST)] = 0
     kept = np.ones(len(span), dtype=bool)

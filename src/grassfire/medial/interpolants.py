@@ -8,7 +8,7 @@ import numpy as np
 
 from grassfire.medial.columns import Columns
 from grassfire.medial.edges import Span
-from grassfire.medial.sites import FloatArray, IntArray
+from grassfire.medial.sites import FloatArray, IntArray, largest
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,9 @@ def deviation_limit(
         What to aim at, mm, and the largest 1 - k r at the ends: 0 where derivatives do not matter.
     degrees : (d,) int array
     """
-    length = np.abs(last - first).max(axis=1)
+    length = largest(last - first)
     radius = np.maximum(np.maximum(first[:, 2], last[:, 2]), 1e-300)
-    size = np.abs(first).max(axis=1) + radius
+    size = largest(first) + radius
     share = 10 * goal / radius
     with np.errstate(divide="ignore"):
         turn = np.maximum(np.sqrt(share / sharpness), share)

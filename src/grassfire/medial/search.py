@@ -280,7 +280,7 @@ class BoundarySearch:
             if feet is not None:
                 new = self._unknown(feet, row, target, hint, found.away).nonzero()[0]
                 row, target, hint = row[new], target[new], hint[new]
-            where, away = self.sites.project(target, centre[row], hint, allowance)
+            where, away = self.sites.project(target, centre.take(row, axis=0), hint, allowance)
             chosen, best = _minimum_by_row(row, away)
             nearer = (away[best] < distance[chosen]).nonzero()[0]
             chosen, best = chosen[nearer], best[nearer]
@@ -626,7 +626,8 @@ class BoundarySearch:
             if before:
                 rows = rows[rows % before > 0]
                 guess = self._bounded(tangents, excluded, rows, before, radius, touched)
-            position, normal = tangents.position[rows], tangents.normal[rows]
+            position = tangents.position.take(rows, axis=0)
+            normal = tangents.normal.take(rows, axis=0)
             start = np.minimum(radius[rows], guess)
             found, shown = self._shrink(position, normal, start)
             # nothing in a disk smaller than it need be: from the largest again
@@ -653,13 +654,14 @@ class BoundarySearch:
 
         Also radii, (n,) mm, to begin with: somewhat larger than those beside.
         """
-        position, normal, own = tangents.position[rows], tangents.normal[rows], excluded[rows]
+        position, normal = tangents.position.take(rows, axis=0), tangents.normal.take(rows, axis=0)
+        own = excluded.take(rows, axis=0)
         lower = rows // stride * stride
         upper = np.where(lower + stride < len(radius), lower + stride, lower)
         guess = _SOMEWHAT * np.maximum(radius[lower], radius[upper])
         best, sample = radius[rows], touched[rows]
         for shown in (touched[lower], touched[upper]):
-            rho = disk_through(self.point[shown] - position, normal)
+            rho = disk_through(self.point.take(shown, axis=0) - position, normal)
             # Samples of a point's own sites tell nothing.
             known = (shown >= 0) & (rho < best) & ~_among_columns(self.site.take(shown), own)
             best, sample = np.where(known, rho, best), np.where(known, shown, sample)

@@ -521,3 +521,12 @@ def disk_through(chord: FloatArray, normal: FloatArray) -> FloatArray:
 def dot(first: FloatArray, second: FloatArray) -> FloatArray:
     """(n,) products of the rows of two (n, 2) arrays."""
     return np.asarray(first[:, 0] * second[:, 0] + first[:, 1] * second[:, 1])
+
+
+def largest(rows: FloatArray) -> FloatArray:
+    """(...) largest absolute values of the few columns of a (..., k) array."""
+    size = np.abs(rows)
+    result: FloatArray = size[..., 0]
+    for column in range(1, size.shape[-1]):
+        result = np.maximum(result, size[..., column])
+    return result

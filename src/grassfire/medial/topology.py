@@ -20,7 +20,7 @@ from grassfire.medial.contact import Tangents, contact
 from grassfire.medial.crossing import crossing
 from grassfire.medial.nodes import WHOLE, Intervals, Junctions, Nodes
 from grassfire.medial.search import BoundarySearch, Contacts, Rivals
-from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites
+from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Sites, largest
 from grassfire.medial.triple import TripleDisks
 
 _SHARP = 1e-6
@@ -223,7 +223,7 @@ class Topology:
     ) -> tuple[FloatArray, FloatArray]:
         """The disk of a junction as one of its sides sees it: they differ where it has a kink."""
         toward = tangents.position + radius[:, None] * tangents.normal - centre
-        kinked = np.abs(toward).max(axis=1, initial=0.0) > 1e-14 * self.sites.size
+        kinked = largest(toward) > 1e-14 * self.sites.size
         rows = np.flatnonzero(kinked & (partner >= 0))
         centre, radius = centre.copy(), radius.copy()
         if len(rows):
@@ -304,11 +304,12 @@ class Topology:
         position, normal = tangents.position, tangents.normal
         site, parameter = tangents.site, tangents.parameter
         # No partner: the point lies within rounding of an end, which its site's ends carry.
-        known = contacts.partner >= 0
-        site, parameter = site[known], parameter[known]
-        radius, partner = contacts.radius[known], contacts.partner[known]
-        facing = contacts.parameter[known]
-        centre = position[known] + radius[:, None] * normal[known]
+        known = (contacts.partner >= 0).nonzero()[0]
+        site, parameter = site.take(known), parameter.take(known)
+        radius, partner = contacts.radius.take(known), contacts.partner.take(known)
+        facing = contacts.parameter.take(known)
+        normal = normal.take(known, axis=0)
+        centre = position.take(known, axis=0) + radius[:, None] * normal
         after, before = self._sides(partner, facing, centre)
         plain = after == before
         none = np.full(len(site), -1, dtype=np.int64)
@@ -444,14 +445,15 @@ class Topology:
     def _branch_nodes(self, triple: IntArray, disks: TripleDisks) -> Nodes:
         """Events of branch points on all three of their sites, each branch point once."""
         centre, radius, parameter = disks.centre, disks.radius, disks.parameter
-        order = np.lexsort((*centre.T, *np.sort(triple, axis=1).T))
-        ranked = np.sort(triple, axis=1)[order]
-        step = np.any(ranked[1:] != ranked[:-1], axis=1)
-        away = np.abs(np.diff(centre[order], axis=0)).max(axis=1, initial=0.0)
+        ranked = np.sort(triple, axis=1)
+        order = np.lexsort((*centre.T, *ranked.T))
+        ranked, place = ranked.take(order, axis=0), centre.take(order, axis=0)
+        step = largest(ranked[1:] - ranked[:-1]) > 0
+        away = largest(place[1:] - place[:-1])
         head = np.concatenate([[True], step | (away > 1e-8 * self.sites.size)])
         chosen = order[head]
-        triple, parameter = triple[chosen], parameter[chosen]
-        centre, radius = centre[chosen], radius[chosen]
+        triple, parameter = triple.take(chosen, axis=0), parameter.take(chosen, axis=0)
+        centre, radius = centre.take(chosen, axis=0), radius.take(chosen)
         vertex = self._new_vertices(len(chosen))
         parts = []
         # Along its site each contact passes from one of the other two to the other.

@@ -74,9 +74,10 @@ def triple_disks(
         centre, radius, found, good, determinant = _by_newton(
             sites, triple, centre, radius, parameter
         )
-    low, high = sites.low[triple], sites.high[triple]
+    low, high = sites.low.take(triple), sites.high.take(triple)
     margin = 1e-11 * (high - low)
-    held = np.all((found >= low - margin) & (found <= high + margin), axis=1)
+    inside = (found >= low - margin) & (found <= high + margin)
+    held = inside[:, 0] & inside[:, 1] & inside[:, 2]
     return TripleDisks(centre, radius, np.clip(found, low, high), good, good & held, determinant)
 
 
