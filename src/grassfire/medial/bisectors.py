@@ -52,7 +52,7 @@ def between_lines(sites: Sites, span: Span, tolerance: float) -> tuple[list[Inte
     rest = np.ones(len(span), dtype=bool)
     found = []
     for chosen, shape in ((SiteKind.LINE, _lines), (SiteKind.POINT, _parabolas)):
-        rows = np.flatnonzero(line & (kind == chosen))
+        rows = (line & (kind == chosen)).nonzero()[0]
         if len(rows):
             pieces, good = shape(sites, span.take(rows), tolerance)
             rest[rows[good]] = False

@@ -94,7 +94,7 @@ class Branches:
         triple, left, right = guess.triple, guess.left, guess.right
         site, one, other = triple.T
         disks = self._rounds(triple)
-        rest = np.flatnonzero(~disks.good)
+        rest = (~disks.good).nonzero()[0]
         if len(rest):
             part = guess.take(rest)
             found = triple_disks(self.sites, part.triple, part.centre, part.radius, part.parameter)
@@ -136,7 +136,7 @@ class Branches:
         """
         result, parameter = np.zeros(len(disks.good), dtype=bool), np.full(len(disks.good), np.nan)
         site = np.full(len(result), -1, dtype=np.int64)
-        rows = np.flatnonzero(disks.good)
+        rows = disks.good.nonzero()[0]
         if not len(rows):
             return result, site, parameter
         group = equal_rows(np.round(disks.centre.take(rows, axis=0).T / (1e-10 * self.sites.size)))
@@ -177,7 +177,7 @@ class Branches:
         rows = rows[np.all(sites.kind.take(triple.take(rows, axis=0)) == SiteKind.LINE, axis=1)]
         run = np.concatenate([[0], np.cumsum(sites.following[mine[rows[:-1]]] != mine[rows[1:]])])
         length = np.bincount(run[: len(rows)]) if len(rows) else np.zeros(0, dtype=np.int64)
-        for number in np.flatnonzero(length > _CROWD):
+        for number in (length > _CROWD).nonzero()[0]:
             members = rows[run == number]
             fit = common_disk(sites, triple[members], self.rounding)
             if fit is None:

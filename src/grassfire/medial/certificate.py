@@ -200,7 +200,7 @@ def _disk_errors(
     centre, slack = every[chosen, :2], _SLACK * tolerance
     bound = every[chosen, 2] + tolerance
     found = search.nearest(centre, slack=slack, bound=bound, feet=known)[0]
-    far = np.flatnonzero(np.isinf(found) & np.isinf(nearest[chosen]))
+    far = (np.isinf(found) & np.isinf(nearest[chosen])).nonzero()[0]
     if len(far):
         found[far] = search.nearest(centre[far], slack=slack)[0]
     nearest[chosen] = np.minimum(nearest[chosen], found)
@@ -242,7 +242,7 @@ class _Places(Columns):
             (~fit.exact & ~free, _FEW),
             (~fit.exact & free, _PROBES),
         ):
-            members = np.flatnonzero(chosen)
+            members = chosen.nonzero()[0]
             rows.append(np.repeat(members, len(probes)))
             fractions.append(np.tile(probes, len(members)))
         row, fraction = np.concatenate(rows), np.concatenate(fractions)
@@ -265,7 +265,7 @@ def _vertex_feet(sites: Sites, fit: Fit) -> Feet:
     at = np.stack([own, other], axis=1)
     piece = np.full(len(fit.vertex_radius), -1)
     piece[vertex] = np.arange(len(vertex))
-    held = np.flatnonzero(piece >= 0)
+    held = (piece >= 0).nonzero()[0]
     shape = len(piece), 2
     feet = Feet(np.full(shape, -1), np.zeros(shape), np.full(shape, np.inf))
     feet.site[held], feet.parameter[held] = site[piece[held]], at[piece[held]]
@@ -309,7 +309,7 @@ def _demand_chain(sites: Sites, graph: Graph, tolerance: float) -> None:
     loop = sites.loop[graph.site]
     final = np.append(loop[1:] != loop[:-1], True)
     after = np.arange(len(loop)) + 1
-    after[final] = np.flatnonzero(np.append(True, final[:-1]))
+    after[final] = np.append(True, final[:-1]).nonzero()[0]
     inside = ~final & (graph.site[after] == graph.site)
     goal = np.where(inside, graph.start[after], sites.high[graph.site])
     rest = np.abs(goal - graph.end) * sites.speed(graph.site, graph.end, graph.last_radius)
@@ -384,10 +384,10 @@ def _distance(sites: Sites, site: IntArray, point: FloatArray, hint: FloatArray)
         return sites.project(site, point, hint)[1]
     result = np.zeros(len(site))
     spiral = sites.kind[site] == SiteKind.SPIRAL
-    rows = np.flatnonzero(~spiral)
+    rows = (~spiral).nonzero()[0]
     if len(rows):
         result[rows] = sites.project(site[rows], point[rows], hint[rows])[1]
-    rows = np.flatnonzero(spiral)
+    rows = spiral.nonzero()[0]
     if len(rows):
         owner, centre = site[rows], point[rows]
         curves, low, high = sites.curves(owner), sites.low[owner], sites.high[owner]
@@ -429,7 +429,7 @@ def _recovery_errors(
     distance[sites.kind[site] == SiteKind.POINT] = 0.0
     # Points that slid beyond the end of their site belong to the next one.
     end = np.concatenate([span.first_disk[:, 2]] * 2) * 1e-7
-    rows = np.flatnonzero(distance > end)
+    rows = (distance > end).nonzero()[0]
     if len(rows):
         distance[rows] = search.nearest(recovered[rows])[0]
     return np.asarray(np.maximum(distance[: len(span)], distance[len(span) :]))
@@ -448,13 +448,13 @@ def _cell_area(sites: Sites, graph: Graph, fit: Fit, tolerance: float) -> float:
     kind = sites.kind[fit.span.partner]
     simple = fit.exact & ((kind == SiteKind.LINE) | (kind == SiteKind.POINT))
     kite = fit.span.hyperbolic
-    total = _kites(sites, fit.span.take(kite)) + _before_lines(sites, fit, np.flatnonzero(simple))
+    total = _kites(sites, fit.span.take(kite)) + _before_lines(sites, fit, simple.nonzero()[0])
     other = ~simple
     other[kite] = False
-    rows = np.flatnonzero(other)
+    rows = other.nonzero()[0]
     if len(rows):
         total += _both_sides(sites, fit, rows, tolerance)
-    whole = np.flatnonzero(graph.partner == WHOLE)
+    whole = (graph.partner == WHOLE).nonzero()[0]
     if len(whole):
         site, start, end = graph.site[whole], graph.start[whole], graph.end[whole]
         radius = graph.vertex_radius[graph.first[whole], None]
@@ -516,7 +516,7 @@ def _both_sides(sites: Sites, fit: Fit, rows: IntArray, tolerance: float) -> flo
     rounded = (sites.kind[span.partner] == SiteKind.ARC) & (sites.extent[span.partner, 1] > 0)
     close = radius.max(axis=1) > 0.9 * sites.radius[span.partner]
     arc = rounded & (close | fit.exact[rows])
-    rough = np.flatnonzero(rough | arc)
+    rough = (rough | arc).nonzero()[0]
     far[rough] = 0.0
     total = float(np.sum((near * length + far) @ weight))
     astray = np.any(np.diff(fit.facing[rows[rough]], axis=1) > 1e-9, axis=1)

@@ -65,7 +65,7 @@ class Span(Columns):
     @cached_property
     def hyperbolic(self) -> IntArray:
         """Rows between two corners that have hyperbolic angles."""
-        return np.flatnonzero(self.angle_start != self.angle_end)
+        return np.asarray((self.angle_start != self.angle_end).nonzero()[0])
 
     def share(self, fraction: FloatArray) -> FloatArray:
         """(k, n) shares of the ranges of both parameters run through at fractions (n,) or (k, n).
@@ -145,7 +145,7 @@ class Fit:
         table = basis.take(np.searchsorted(among, fraction), axis=0)
         result = np.einsum("ij,ij->i", table, self.facing.take(row, axis=0))
         span = self.span
-        rows = np.flatnonzero(span.angle_start[row] != span.angle_end[row])
+        rows = (span.angle_start[row] != span.angle_end[row]).nonzero()[0]
         if len(rows):
             part = span.take(row[rows])
             share = part.share(fraction[rows, None])[:, 0]
@@ -160,7 +160,7 @@ class Fit:
     def _tables(self) -> list[tuple[int, IntArray, FloatArray]]:
         groups = []
         for degree in np.bincount(self.degree).nonzero()[0]:
-            rows = np.flatnonzero(self.degree == degree)
+            rows = (self.degree == degree).nonzero()[0]
             table = self.control[self.offset[rows, None] + np.arange(degree + 1)]
             groups.append((int(degree), rows, table))
         return groups
@@ -168,7 +168,7 @@ class Fit:
 
 def graph_spans(graph: Graph, sites: Sites) -> Span:
     """One row an edge, parametrised by the side that gives the lower degree."""
-    rows = np.flatnonzero(graph.mate >= 0)
+    rows = (graph.mate >= 0).nonzero()[0]
     rows = rows[rows < graph.mate[rows]]
     mate = graph.mate[rows]
     head = np.concatenate([graph.first_centre, graph.first_radius[:, None]], axis=1)
@@ -176,7 +176,7 @@ def graph_spans(graph: Graph, sites: Sites) -> Span:
     one, two = sites.kind[graph.site[rows]], sites.kind[graph.site[mate]]
     rank, other = _PREFERENCE[one, two], _PREFERENCE[two, one]
     worse = other > rank
-    tied = np.flatnonzero((one == SiteKind.SPIRAL) & (two == SiteKind.SPIRAL))
+    tied = ((one == SiteKind.SPIRAL) & (two == SiteKind.SPIRAL)).nonzero()[0]
     if len(tied):
         first = _least_approach(sites, graph, rows[tied])
         second = _least_approach(sites, graph, mate[tied])
@@ -271,7 +271,7 @@ def motion(
     |p'|, or that of the end of the normal at the radius in a fan.
     """
     position, _, curvature, speed = sites.moving_frame(site, parameter)
-    point = np.flatnonzero(sites.kind[site] == SiteKind.POINT)
+    point = (sites.kind[site] == SiteKind.POINT).nonzero()[0]
     moved = speed * (1 - np.where(np.isfinite(curvature), curvature, 0.0) * radius)
     speed[point] = np.abs(sites.extent[site[point], 1]) * radius[point]
     moved[point] = speed[point]

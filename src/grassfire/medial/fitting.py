@@ -85,7 +85,7 @@ class _Trials(Interpolants):
 
     def found(self) -> Interpolants:
         """Those that are good enough."""
-        rows = np.flatnonzero(self.degree > 0)
+        rows = (self.degree > 0).nonzero()[0]
         every = Interpolants(self.span, self.degree, self.table, self.error, self.facing)
         return every.take(rows)
 
@@ -136,7 +136,7 @@ def fit_edges(
             pieces = _turned(sites, pieces, lost, tolerance, worst)
             span = pieces.span
         trials.append(pieces.found())
-        poor = np.flatnonzero(pieces.degree == 0)
+        poor = (pieces.degree == 0).nonzero()[0]
         if not len(poor):
             break
         if len(poor) > most:
@@ -191,12 +191,12 @@ def _turned(
     sites: Sites, pieces: _Trials, lost: BoolArray, tolerance: float, worst: float
 ) -> _Trials:
     """Parabolas over slivers of their line, beside arcs that they all but collapse on."""
-    same = pieces.span.take(np.flatnonzero(lost))
+    same = pieces.span.take(lost.nonzero()[0])
     goal, steady = np.full(len(same), worst), np.zeros(len(same), dtype=bool)
     turned = _interpolate(sites, same, goal, steady)
     if not turned.degree.all():
         turned = _interpolate(sites, same.swapped(), np.full(len(same), tolerance), ~steady)
-    return _Trials.join(pieces.take(np.flatnonzero(~lost)), turned)
+    return _Trials.join(pieces.take((~lost).nonzero()[0]), turned)
 
 
 class _Ends(NamedTuple):
@@ -305,7 +305,7 @@ def _interpolate(
         disks[:, 1:-1], facing[:, 1:-1] = known.disks[:, 1:TOP], known.facing[:, 1:TOP]
         pieces.checks[:] = known.disks[:, TOP:]
     _try(pieces)
-    rows = np.flatnonzero((pieces.degree == 0) & np.isfinite(disks).all(axis=(1, 2)))
+    rows = ((pieces.degree == 0) & np.isfinite(disks).all(axis=(1, 2))).nonzero()[0]
     if len(rows):
         _try_top(pieces, rows)
     return pieces
@@ -358,7 +358,7 @@ def _try(pieces: _Trials) -> None:
     lowest = np.argmax(good, axis=1)
     found = good.any(axis=1)
     for column, degree in enumerate(degrees):
-        members = np.flatnonzero(found & (lowest == column))
+        members = (found & (lowest == column)).nonzero()[0]
         if len(members):
             table = interpolate_to_bezier(pieces.disks[members, :: TOP // degree])
             _accept(pieces, members, degree, table, away[members, column])
@@ -398,7 +398,7 @@ def _deviation(pieces: _Trials, rows: IntArray, away: FloatArray) -> FloatArray:
     Vertices that rounding leaves open along the axis lie on it all the same. So on pieces that
     keep being halved next to them, short as they are, what points along the piece is no error.
     """
-    late = np.flatnonzero(pieces.late[rows])
+    late = pieces.late[rows].nonzero()[0]
     if len(late):
         chord = pieces.disks[rows[late], -1] - pieces.disks[rows[late], 0]
         square = np.maximum(np.einsum("ij,ij->i", chord, chord), 1e-300)
@@ -460,7 +460,7 @@ def _split(
     `row` (k,) are the pieces of the parts. Returns the parts, the disks and contacts at their
     places, and the disks (j, 3) at the joints between them.
     """
-    low, high, inner = parts.low, parts.high, np.flatnonzero(parts.inner)
+    low, high, inner = parts.low, parts.high, parts.inner.nonzero()[0]
     parents, place = pieces.span.take(row), low[:, None] + (high - low)[:, None] * _PLACES
     hint = _between(pieces.facing.take(row, axis=0), pieces.slope.take(row, axis=0), place)
     known = _Known(*evaluate_span(sites, parents, place, hint))
@@ -514,13 +514,13 @@ def _drawable(
     # Between two corners the axis is straight.
     bent[pieces.span.hyperbolic] = 0
     for degree in np.bincount(bent)[1:].nonzero()[0] + 1:
-        rows = np.flatnonzero(bent == degree)
+        rows = (bent == degree).nonzero()[0]
         bend = _bend(pieces.table[rows, : degree + 1, :2])
         parts[rows] = np.ceil(np.sqrt(np.maximum(bend / (8 * _CHORDS**2 * tolerance), 1.0)))
-    long = np.flatnonzero(parts > 1)
+    long = (parts > 1).nonzero()[0]
     if not len(long):
         return pieces
-    keep = pieces.take(np.flatnonzero(parts == 1))
+    keep = pieces.take((parts == 1).nonzero()[0])
     return Interpolants.join(keep, _cut(sites, pieces.take(long), parts[long], joints))
 
 
@@ -552,13 +552,13 @@ def _cut(
     group, own = parts * (TOP + 1) + pieces.degree, parts[row] * (TOP + 1) + degree
     for number in np.unique(group):
         count, value = divmod(int(number), TOP + 1)
-        members, source = np.flatnonzero(own == number), np.flatnonzero(group == number)
+        members, source = (own == number).nonzero()[0], (group == number).nonzero()[0]
         at = resampling(TOP, _even_nodes(TOP, count).ravel())
         facing[members] = (pieces.facing[source] @ at.T).reshape(-1, TOP + 1)
         control = interpolate_to_bezier(bernstein(value, _even_nodes(value, count)))
         every = control.reshape(-1, value + 1) @ pieces.table[source, : value + 1]
         table[members, : value + 1] = every.reshape(len(members), value + 1, -1)
-    inner = np.flatnonzero(index > 0)
+    inner = (index > 0).nonzero()[0]
     before = inner - 1
     # Exact disks at the joints; the polynomials meet at their own.
     hint = facing[inner, :1]

@@ -92,7 +92,7 @@ def _assemble(topology: Topology) -> tuple[Graph, IntArray]:
     partner = intervals.partner.copy()
     tiny = _tiny(topology, intervals)
     point = (first == last) & (tiny | (partner == WHOLE))
-    loops = np.flatnonzero((first == last) & ~point)
+    loops = ((first == last) & ~point).nonzero()[0]
     if len(loops):
         point[loops] = _stays(topology, intervals, loops)
     keep = ~(tiny & point)
@@ -100,7 +100,7 @@ def _assemble(topology: Topology) -> tuple[Graph, IntArray]:
     site, start, end = intervals.site[keep], intervals.start[keep], intervals.end[keep]
     first, last, partner = first[keep], last[keep], partner[keep]
     mate = _pair(site, partner, first, last)
-    unpaired = np.flatnonzero((mate < 0) & (partner != WHOLE))
+    unpaired = ((mate < 0) & (partner != WHOLE)).nonzero()[0]
     head, tail = intervals.first_node[keep], intervals.last_node[keep]
     graph = Graph(
         vertex_centre=centre,
@@ -148,7 +148,7 @@ def _stays(topology: Topology, intervals: Intervals, rows: IntArray) -> BoolArra
 def _vertices(topology: Topology, intervals: Intervals) -> tuple[IntArray, FloatArray, FloatArray]:
     """Label of each event vertex, and the centre and radius of each label."""
     nodes = topology.nodes
-    events = np.flatnonzero(nodes.vertex >= 0)
+    events = (nodes.vertex >= 0).nonzero()[0]
     identity = nodes.vertex[events]
     centre, radius = nodes.centre.take(events, axis=0), nodes.radius.take(events)
     links = _neighbours(identity, centre, radius, topology.cluster)
@@ -161,7 +161,7 @@ def _vertices(topology: Topology, intervals: Intervals) -> tuple[IntArray, Float
     component = connected(one[apart], other[apart], count)
     seen = np.zeros(count, dtype=bool)
     seen[component[identity]] = True
-    used = np.flatnonzero(seen)
+    used = seen.nonzero()[0]
     label = np.where(seen, np.cumsum(seen) - 1, -1)[component]
     owner = label[identity]
     # an end so near to a branch point that they are one stays where it is
@@ -232,7 +232,7 @@ def _triples(topology: Topology, events: IntArray) -> IntArray:
 def _pair(site: IntArray, partner: IntArray, first: IntArray, last: IntArray) -> IntArray:
     """Mates: (i, j, a, b) pairs with (j, i, b, a)."""
     mate = np.full(len(site), -1, dtype=np.int64)
-    rows = np.flatnonzero(partner != WHOLE)
+    rows = (partner != WHOLE).nonzero()[0]
     if not len(rows):
         return mate
     one, other, begin, end = (column[rows] for column in (site, partner, first, last))

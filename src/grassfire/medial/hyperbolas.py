@@ -119,7 +119,7 @@ def between_corners(
         The other edges, and those whose ends are not in front of both of their corners.
     """
     point = sites.kind == SiteKind.POINT
-    rows = np.flatnonzero(point[span.site] & point[span.partner])
+    rows = (point[span.site] & point[span.partner]).nonzero()[0]
     shape = _Hyperbolas.of(sites, span.take(rows))
     known = np.stack([span.first_disk[rows], span.last_disk[rows]], axis=1)
     away = largest((shape.ends() - known).reshape(-1, 6))
@@ -129,7 +129,7 @@ def between_corners(
     kept[rows[number > 0]] = False
     row, low, high = _even_parts(number)
     whole = replace(span.take(rows), angle_start=shape.first, angle_end=shape.last).take(row)
-    shape, inner = shape.between(row, low, high), np.flatnonzero(low > 0)
+    shape, inner = shape.between(row, low, high), (low > 0).nonzero()[0]
     between = shape.take(inner).ends()[:, 0]
     facing = _facing(whole.take(inner), low[inner, None])[:, 0]
     parts = cut_span(whole, low, high, inner, between, facing, count)
@@ -171,7 +171,7 @@ def _interpolated(span: Span, shape: _Hyperbolas, tolerance: float) -> Interpola
     lowest = np.argmax(errors <= shape.limits(DEGREES, tolerance), axis=1)
     table = np.zeros((len(span), TOP + 1, 3))
     for column in np.bincount(lowest).nonzero()[0]:
-        degree, members = DEGREES[column], np.flatnonzero(lowest == column)
+        degree, members = DEGREES[column], (lowest == column).nonzero()[0]
         part = shape.take(members)
         angles = part.angles(nodes(degree))
         sine, cosine = (interpolate_to_bezier(f(angles)) for f in (np.sinh, np.cosh))

@@ -137,7 +137,7 @@ class BoundarySearch:
     def _cover(self, turn: FloatArray) -> tuple[FloatArray, FloatArray]:
         """How far each site lies from its own samples, along it and by its bend."""
         sites, site = self.sites, self.site
-        start = np.flatnonzero(np.concatenate([[True], site[1:] != site[:-1]]))
+        start = np.concatenate([[True], site[1:] != site[:-1]]).nonzero()[0]
         last = np.concatenate([start[1:], [len(site)]]) - 1
         gap = np.hypot(*np.diff(self.point, axis=0).T) / 2
         gap[start[1:] - 1] = 0.0
@@ -319,7 +319,7 @@ class BoundarySearch:
         With these the nearest boundary point of a place outside, too, is the foot of a normal or a
         sample itself.
         """
-        corner = np.flatnonzero(self.sites.corner_after | (self.sites.turn_after != 0))
+        corner = (self.sites.corner_after | (self.sites.turn_after != 0)).nonzero()[0]
         end = self.sites.high[corner]
         point = np.concatenate([self.point, self.sites.point(corner, end)])
         everywhere = Neighbours(point, on_curves=True)
@@ -546,7 +546,7 @@ class BoundarySearch:
         Mostly these are the disks that are looked for. Also keys of the contacts tried.
         """
         sites, count = self.sites, len(self.sites)
-        rows = np.flatnonzero(touched >= 0)
+        rows = (touched >= 0).nonzero()[0]
         site, hint = self.site[touched[rows]], self.parameter[touched[rows]]
         tried = [np.zeros(0, dtype=np.int64)]
         step = np.zeros(len(rows), dtype=np.int64)
@@ -587,7 +587,7 @@ class BoundarySearch:
         it is near, the slope there does.
         """
         sites = self.sites
-        rows = np.flatnonzero(partner >= 0)
+        rows = (partner >= 0).nonzero()[0]
         for _ in range(4):
             site = partner[rows]
             low, high = parameter[rows] <= sites.low[site], parameter[rows] >= sites.high[site]
@@ -771,7 +771,7 @@ def _extents(sites: Sites) -> tuple[FloatArray, FloatArray]:
     arc = sites.kind == SiteKind.ARC
     turn[arc] = np.abs(sites.extent[arc, 1])
     length[arc] = turn[arc] * sites.radius[arc]
-    spiral = np.flatnonzero(sites.kind == SiteKind.SPIRAL)
+    spiral = (sites.kind == SiteKind.SPIRAL).nonzero()[0]
     if len(spiral):
         fraction = np.linspace(0.0, 1.0, 17)
         low, high = sites.low[spiral, None], sites.high[spiral, None]

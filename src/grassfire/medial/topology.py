@@ -77,7 +77,7 @@ class Topology:
         rounded = (sites.kind == SiteKind.ARC) & (sites.extent[:, 1] > 0)
         # At a corner, however flat, the neighbour reaches into the disk of the arc.
         rounded &= ~sites.corner_after & ~sites.corner_after[sites.preceding]
-        rows = np.flatnonzero(rounded)
+        rows = rounded.nonzero()[0]
         if len(rows):
             away, _, _ = self.search.nearest(sites.anchor[rows], self._own(rows))
             result[rows] = away >= sites.radius[rows] * (1 - self.slack) - self.snap
@@ -125,7 +125,7 @@ class Topology:
         """
         sites = self.sites
         after, corner = sites.following, sites.corner_after
-        before = np.flatnonzero(~corner)
+        before = (~corner).nonzero()[0]
         site, parameter = self._samples(density)
         junction = Junctions.of(sites, before, after[before])
         position, normal, curvature = sites.frame(site, parameter)
@@ -140,7 +140,7 @@ class Topology:
         )
         count = len(before)
         parts = [
-            self._corner_nodes(np.flatnonzero(corner), after[corner]),
+            self._corner_nodes(corner.nonzero()[0], after[corner]),
             self._junction_nodes(junction, contacts.take(slice(0, count))),
             self._plain(inner, contacts.take(slice(count, None)), junctions=False),
         ]
@@ -224,7 +224,7 @@ class Topology:
         """The disk of a junction as one of its sides sees it: they differ where it has a kink."""
         toward = tangents.position + radius[:, None] * tangents.normal - centre
         kinked = largest(toward) > 1e-14 * self.sites.size
-        rows = np.flatnonzero(kinked & (partner >= 0))
+        rows = (kinked & (partner >= 0)).nonzero()[0]
         centre, radius = centre.copy(), radius.copy()
         if len(rows):
             _, own = contact(self.sites, tangents.take(rows), partner[rows], hint[rows])
@@ -369,7 +369,7 @@ class Topology:
             far |= np.abs(column[1:] - column[:-1]) > self.cluster
         wide &= far
         same = nodes.site[1:] == nodes.site[:-1]
-        rows = np.flatnonzero(same & wide)
+        rows = (same & wide).nonzero()[0]
         group = np.concatenate([[0], np.cumsum(~same | wide)])
         ahead = nodes.right.take(rows)
         label = np.where(ahead == nodes.left.take(rows + 1), ahead, -1)
@@ -382,8 +382,8 @@ class Topology:
             number[group[rows[poor] + 1]] = poor
             after = number[group]
             count = len(self.sites) + 3
-            left = np.flatnonzero((before >= 0) & (nodes.right >= 0))
-            right = np.flatnonzero((after >= 0) & (nodes.left >= 0))
+            left = ((before >= 0) & (nodes.right >= 0)).nonzero()[0]
+            right = ((after >= 0) & (nodes.left >= 0)).nonzero()[0]
             common = np.intersect1d(
                 before[left] * count + nodes.right[left], after[right] * count + nodes.left[right]
             )
@@ -412,20 +412,20 @@ class Topology:
         parts: list[Nodes] = []
         found, triple = [disks.take(closed)], [guess.triple[closed]]
         if patient:
-            inner = np.flatnonzero(~closed & (third >= 0))
+            inner = (~closed & (third >= 0)).nonzero()[0]
             between = guess.through(inner, disks, third, where_third)
             both = self.branches.disks(between)
             good = both.good & (np.abs(both.determinant) > _SHARP)
             good &= self.branches.empty(between.triple, both)[0]
             found.append(both.take(good))
             triple.append(between.triple[good])
-            closed[inner[np.flatnonzero(good) % max(len(inner), 1)]] = True
+            closed[inner[good.nonzero()[0] % max(len(inner), 1)]] = True
         every = TripleDisks.join(*found)
         if len(every.radius):
             parts.append(self._branch_nodes(np.concatenate(triple), every))
         # Another site reaches in, or takes over where a contact leaves its own: look there; or
         # half way, where Newton's method went astray.
-        rest = np.flatnonzero(~closed)
+        rest = (~closed).nonzero()[0]
         if len(rest) and patient:
             start, end = nodes.parameter[rows], nodes.parameter[rows + 1]
             speed = self.sites.speed(site, disks.parameter[:, 0], disks.radius)
@@ -448,7 +448,8 @@ class Topology:
         ranked = np.sort(triple, axis=1)
         order = np.lexsort((*centre.T, *ranked.T))
         ranked, place = ranked.take(order, axis=0), centre.take(order, axis=0)
-        step = largest(ranked[1:] - ranked[:-1]) > 0
+        differ = ranked[1:] != ranked[:-1]
+        step = differ[:, 0] | differ[:, 1] | differ[:, 2]
         away = largest(place[1:] - place[:-1])
         head = np.concatenate([[True], step | (away > 1e-8 * self.sites.size)])
         chosen = order[head]
@@ -522,11 +523,11 @@ class Topology:
             nodes = self.nodes = replace(nodes, vertex=vertex)
             event[silent] = True
         holder = np.full(len(event), -1, dtype=np.int64)
-        known = np.flatnonzero(nodes.vertex >= 0)
+        known = (nodes.vertex >= 0).nonzero()[0]
         holder[group[known[::-1]]] = known[::-1]
         # From every event group to the next one of its site.
-        start = np.flatnonzero(event[before])
-        stop = np.flatnonzero(event[after])
+        start = event[before].nonzero()[0]
+        stop = event[after].nonzero()[0]
         first, last_node = holder[before[start]], holder[after[stop]]
         return Intervals(
             site=nodes.site[first],
