@@ -17,6 +17,8 @@ from grassfire.medial.sites import BoolArray, FloatArray, IntArray, SiteKind, Si
 _FIRST_NEIGHBOURS = ((512, 10), (96, 16), (0, 32))
 """Numbers of points from which so many samples are looked at first: rounds cost more than samples
 where points are few."""
+_AMONG_CURVES = ((4096, 10), (512, 12), (0, 32))
+"""The same where there are curves, of which contacts cost more."""
 _MOST_CROWDED = 8
 """How many more they are at most, where a query sees many samples."""
 _FEW_NEIGHBOURS = 8
@@ -220,7 +222,8 @@ class BoundarySearch:
 
     def _first_neighbours(self, count: int) -> int:
         """Samples that are looked at first about each of `count` points."""
-        least = next(number for points, number in _FIRST_NEIGHBOURS if count >= points)
+        steps = _AMONG_CURVES if self.sites.curved else _FIRST_NEIGHBOURS
+        least = next(number for points, number in steps if count >= points)
         return least + self.crowding
 
     # -- nearest ----------------------------------------------------------------------------------
