@@ -174,7 +174,7 @@ def test_engagement_keeps_to_the_limit(name: str, part: float) -> None:
     assert longest_over(angle, way.gap, limit + 2.0) <= LONGEST_OVER[name, part]
     assert longest_over(angle, way.gap, limit + 6.0) <= 0.2
     # a cut that never came near the limit would waste time; corridors are laid out lower
-    near = 8.0 if name in ("corridor", "cross") else 5.0
+    near = 9.0 if name in ("corridor", "cross") else 5.0
     assert np.percentile(angle[angle > 0], 90) > limit - near
     assert grazing(angle, way) <= 0.1
     # what is left for the last lap is a light cut, but for the very corners

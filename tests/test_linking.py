@@ -36,7 +36,7 @@ def pockets_of(name: str, **operation: Any) -> list[PocketPlan]:
     chosen = job.operations[0]
     tool = job.tool(1)
     levels, feeds = _levels(job, chosen), _feeds(chosen, tool, 2.0)
-    found, _ = offset_pockets(axis_of(name), _settings(chosen, tool, job, levels, feeds, 2.0))
+    found, _ = offset_pockets(axis_of(name), _settings(chosen, tool, job, levels, feeds, 2.0, 3))
     for pocket in found:
         pocket.plan(pocket.peak)
     return found

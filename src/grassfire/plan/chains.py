@@ -79,7 +79,7 @@ class _Run:
         columns = self.points, self.heading, self.room
         if begin is not None:
             past = _ahead(self.points - begin, self.heading) > least
-            past[BESIDE:] = True
+            past[BESIDE:] = past[-1] = True
             columns = _joined((begin[None], self.heading[:1], np.zeros(1)), _rows(columns, past))
         if end is not None:
             before = _ahead(end - columns[0], columns[1]) > least
