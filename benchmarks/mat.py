@@ -382,15 +382,25 @@ def polygon_run(engine: str, shape: str, edges: int, timeout: float) -> dict[str
     return result
 
 
-def middle_run(engine: str, shape: str, edges: int, options: argparse.Namespace) -> dict[str, Any]:
-    """The run of median CPU time."""
-    results = []
+def middle_runs(
+    engines: Sequence[str], shape: str, edges: int, options: argparse.Namespace
+) -> list[dict[str, Any]]:
+    """The run of median CPU time of each engine, or one that failed.
+
+    They run in turn: machines change their speed from minute to minute.
+    """
+    results: list[list[dict[str, Any]]] = [[] for _ in engines]
     for _ in range(options.runs if edges <= 20000 else 1):
-        results.append(polygon_run(engine, shape, edges, options.timeout))
-        if "failure" in results[-1]:
-            return results[-1]
-    results.sort(key=lambda result: float(result["total"][0]))
-    return results[len(results) // 2]
+        for engine, rows in zip(engines, results, strict=True):
+            if not rows or "failure" not in rows[-1]:
+                rows.append(polygon_run(engine, shape, edges, options.timeout))
+    return [_middle(rows) for rows in results]
+
+
+def _middle(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    if "failure" in rows[-1]:
+        return rows[-1]
+    return sorted(rows, key=lambda row: float(row["total"][0]))[len(rows) // 2]
 
 
 def exponent(points: list[tuple[int, float]]) -> str:
@@ -418,19 +428,19 @@ def polygons(options: argparse.Namespace, peers: Peers) -> Iterator[str]:
         ours: list[tuple[int, float]] = []
         theirs: list[tuple[int, float]] = []
         for edges in options.sizes:
-            mine = middle_run("grassfire", shape, edges, options)
-            peer = middle_run("pyvoronoi", shape, edges, options) if with_peer else {}
+            engines = ["grassfire", "pyvoronoi"] if with_peer else ["grassfire"]
+            mine, peer = [*middle_runs(engines, shape, edges, options), {}][:2]
             words = [shape, str(edges)]
             if "failure" in mine:
                 words += [mine["failure"], "", f"{mine.get('memory', 0):.0f}", ""]
             else:
                 ours.append((edges, mine["total"][0]))
-                words += [f"{value:.2f}" for value in mine["total"]]
+                words += [f"{value:.3f}" for value in mine["total"]]
                 words += [f"{mine['memory']:.0f}", f"{mine['disk_error']:.0e}"]
             if "total" in peer:
                 theirs.append((edges, peer["total"][0]))
                 cpu, wall = peer["total"]
-                words += [f"{cpu:.2f}", f"{cpu - peer['pick'][0]:.2f}", f"{wall:.2f}"]
+                words += [f"{cpu:.3f}", f"{cpu - peer['pick'][0]:.3f}", f"{wall:.3f}"]
                 words += [f"{peer['memory']:.0f}"]
             else:
                 words += [peer.get("failure", ""), "", "", ""]
