@@ -441,6 +441,18 @@ def test_a_scrap_at_the_end_of_a_front_leaves_the_front_whole() -> None:
     assert sum(front.length for front in kept) > 0.9 * length(chain)
 
 
+def test_spirals_of_very_many_turns_are_fitted_in_parts() -> None:
+    angle = np.sqrt(np.linspace(0.5, 1.2e5, 45000))
+    points = 3.0 * angle[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    width = np.full(len(points), 0.0315)
+    (path,) = fewest_arcs([Curve(points, width, width)])
+    assert len(path) < len(points) / 8
+    assert path.start == pytest.approx(points[0]) and path.end == pytest.approx(points[-1])
+    places = path.sample(0.5)[0]
+    off = cKDTree(places).query(points[::50])[0]
+    assert off.max() < 0.3
+
+
 def scattered(count: int) -> list[Front]:
     """Short fronts all over a field of 60 mm."""
     random = np.random.default_rng(count)

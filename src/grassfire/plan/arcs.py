@@ -52,6 +52,13 @@ PIN = 1e9
 RIDGE = 1e-5
 """Weight that keeps splines definite where a span has no sample, and needs above zero."""
 
+LONGEST = 20000
+"""Most samples of a curve that is fitted as a whole: the course of a spiral of hundreds of turns
+grows to numbers whose rounding is no less than the tolerance."""
+
+STIFFER = 1e-9
+"""Part by which diagonals grow where rounding left a system indefinite."""
+
 SLACK = 1.02
 """How far off arcs may be whose spline is within tolerance, in tolerances."""
 
@@ -270,7 +277,7 @@ def _spline(it: _Samples, knots: _Knots) -> _Spline:
     for place, sample in ((ends, it.first), (ends + knots.parts + 1, it.last)):
         band[2, place] += PIN
         wanted[place] += PIN * it.course[sample]
-    found = solveh_banded(band, wanted, check_finite=False)
+    found = _solved(band, wanted)
     own = [found[flat + each] for each in range(3)]
     beside = sum(part * each for part, each in zip(basis, own, strict=True)) - it.course
     turn = sum(part * each for part, each in zip(slopes, own, strict=True)) - it.heading
@@ -278,6 +285,16 @@ def _spline(it: _Samples, knots: _Knots) -> _Spline:
     off[it.first] = off[it.last] = 0.0
     value, slope = _at_knots(found.reshape(rows, width + 1), knots)
     return _Spline(value, slope, span, np.maximum(off, _strayed(turn)))
+
+
+def _solved(band: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Solution of the banded systems; the arcs are compared with the samples whatever it is."""
+    try:
+        return np.asarray(solveh_banded(band, wanted, check_finite=False))
+    except np.linalg.LinAlgError:
+        # spans a millionth of their neighbours are definite but for rounding
+        band[2] *= 1 + STIFFER
+        return np.asarray(solveh_banded(band, wanted, check_finite=False))
 
 
 def _strayed(turn: FloatArray) -> FloatArray:
@@ -396,12 +413,16 @@ def fewest_arcs(curves: Sequence[Curve]) -> list[Path]:
     """Paths of few arcs beside samples of smooth curves, tangent-continuous; one for each.
 
     They begin and end where the curves do. Where the samples are not smooth enough for so many
-    arcs as there are samples, the path has a corner.
+    arcs as there are samples, the path has a corner; and where it is cut in halves as it has more
+    samples than `LONGEST`, one of no more than the tolerances of headings.
     """
     paths: dict[int, Path] = {}
     for number, curve in enumerate(curves):
         if len(curve.points) == 2:
             paths[number] = segment(curve.points[0], curve.points[1])
+        elif len(curve.points) > LONGEST:
+            middle = len(curve.points) // 2
+            paths[number] = join(*(fewest_arcs([half])[0] for half in _halves(curve, middle)))
     active = np.array([row for row in range(len(curves)) if row not in paths], dtype=np.int64)
     if not len(active):
         return [paths[row] for row in range(len(curves))]

@@ -337,10 +337,6 @@ class Tracer:
         outside[1:] |= (room[1:] < SKIM) & (room[1:] < room[:-1])
         outside[0] &= not cut.pieces
         leave = _first(outside)
-        clear = self._before_others(cut, way.centre[:leave], way.heading[:leave])
-        if clear < leave:
-            cut.pieces.append(Piece(way.centre[:clear], way.heading[:clear], room[:clear]))
-            return ENDED, bearing
         if leave:
             cut.pieces.append(Piece(way.centre[:leave], way.heading[:leave], room[:leave]))
         if leave == stop:
@@ -432,36 +428,24 @@ class Tracer:
             angle = touch.engagement[late]
             film = touch.found[late] & (angle >= 0) & (angle <= self._film)
             spent[late] = behind | film | (np.hypot(gap[:, 0], gap[:, 1]) > self._radius)
-        return _first(spent | self._entered(cut, place, self._walls.heading[samples], touch.found))
+        return _first(spent | self._entered(cut, samples, touch))
 
-    def _before_others(self, cut: _Cut, place: FloatArray, heading: FloatArray) -> int:
-        """How many places of a way come before it goes into another front past the limit.
-
-        There is one at least; a single place past the limit is a touch.
-        """
-        if len(place) < 2:
-            return len(place)
-        entered = self._entered(cut, place, heading, np.ones(len(place), dtype=bool))
-        both = entered[:-1] & entered[1:]
-        return max(_first(both), 1) if both.any() else len(place)
-
-    def _entered(
-        self, cut: _Cut, place: FloatArray, heading: FloatArray, found: BoolArray
-    ) -> BoolArray:
-        """(n,) where the tool cuts another front: past the limit, or while its own is not found."""
-        reach = self._radius * (1 - GRAZE)
+    def _entered(self, cut: _Cut, samples: IntArray, touch: _Touch) -> BoolArray:
+        """(n,) where the tool cuts another front: past the limit, or while not its own."""
+        place, reach = self._walls.points[samples], self._radius * (1 - GRAZE)
         points = cut.others(place, reach)
-        result = np.zeros(len(place), dtype=bool)
         if not len(points):
-            return result
-        row, column = (squares(place, points) < reach**2).nonzero()
+            return np.zeros(len(samples), dtype=bool)
+        inside = squares(place, points) < reach**2
+        row, column = inside.nonzero()
         offset = points[column] - place[row]
         bearing = np.arctan2(offset[:, 1], offset[:, 0])
-        angle = wrapped(bearing - heading[row] + np.pi / 2)
+        angle = wrapped(bearing - self._walls.heading[samples[row]] + np.pi / 2)
         ahead = (angle > cut.limit + BESIDES) & (angle < 0.9 * np.pi)
         # where a cut begins it can only go on
         ahead &= (row > 0) | bool(cut.pieces)
-        result[row[ahead | ~found[row]]] = True
+        result = np.zeros(len(samples), dtype=bool)
+        result[row[ahead | ~touch.found[row]]] = True
         return result
 
     def _slid(self, cut: _Cut, samples: IntArray) -> None:
