@@ -52,6 +52,7 @@ from grassfire.plan.tracing import (
     FIRST_BITE,
     SAMPLING,
     Start,
+    Surroundings,
     Tracer,
 )
 from grassfire.plan.wallpass import wall_pass
@@ -445,7 +446,7 @@ class AdaptivePocket:
         index, start = chosen // len(self._senses), starts[chosen]
         sense = self._senses[chosen % len(self._senses)]
         front, others = self._fronts[index], self._fronts.without(index)
-        cut = sense.cut(front.points, start, others.about)
+        cut = sense.cut(front.points, start, Surroundings(others.about, self._cleared.within))
         if cut.begin is None:
             # nothing to cut there that a sample tells from nothing
             self._behead(index, sense)

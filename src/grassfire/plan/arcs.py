@@ -13,6 +13,7 @@ knots, each tangent to the one before it, and looked at beside all samples.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -79,11 +80,15 @@ class Curve(NamedTuple):
         Two or more, no two neighbours equal, mm.
     right, left : (n,) float arrays
         How far beside them arcs may lie, mm.
+    ends : tuple of float, optional
+        Directions in which it leaves the first one and comes to the last, radians; without them as
+        it bends beside its ends.
     """
 
     points: FloatArray
     right: FloatArray
     left: FloatArray
+    ends: tuple[float, float] = (math.nan, math.nan)
 
 
 class _Samples(NamedTuple):
@@ -159,7 +164,7 @@ def _heads(numbers: IntArray) -> IntArray:
 
 def _measured(curve: Curve) -> tuple[FloatArray, ...]:
     """Columns of `_Samples` of one curve."""
-    points, right, left = (np.round(column, DIGITS) for column in curve)
+    points, right, left = (np.round(column, DIGITS) for column in curve[:3])
     chord = points[1:] - points[:-1]
     size = np.hypot(chord[:, 0], chord[:, 1])
     bearing = np.arctan2(chord[:, 1], chord[:, 0])
@@ -172,6 +177,9 @@ def _measured(curve: Curve) -> tuple[FloatArray, ...]:
     if len(points) > 2:
         # as the curve bends beside its ends
         heading[0], heading[-1] = 2 * bearing[0] - heading[1], 2 * bearing[-1] - heading[-2]
+    for end, given in zip((0, -1), curve.ends, strict=True):
+        if not math.isnan(given):
+            heading[end] += wrapped(round(given, DIGITS) - heading[end])
     weight[:-1] = size / 2
     weight[1:] += size / 2
     middle = (left - right) / 2
@@ -458,9 +466,11 @@ def fewest_arcs(curves: Sequence[Curve]) -> list[Path]:
 
 def _halves(curve: Curve, sample: int) -> list[Curve]:
     """The parts of a curve up to and from a sample."""
+    points, right, left, (leave, arrive) = curve
+    first, last = slice(None, sample + 1), slice(sample, None)
     return [
-        Curve(*(column[: sample + 1] for column in curve)),
-        Curve(*(column[sample:] for column in curve)),
+        Curve(points[first], right[first], left[first], (leave, math.nan)),
+        Curve(points[last], right[last], left[last], (math.nan, arrive)),
     ]
 
 

@@ -251,9 +251,10 @@ class Writer:
             return []
         points, heading, room, count = self._sampled(runs)
         right, left = self._tolerances(points, heading, room)
-        ends = count.cumsum()[:-1]
-        columns = (np.split(column, ends) for column in (points, right, left))
-        return fewest_arcs([Curve(*curve) for curve in zip(*columns, strict=True)])
+        last = count.cumsum() - 1
+        columns = (np.split(column, last[:-1] + 1) for column in (points, right, left))
+        ends = zip(heading[last + 1 - count].tolist(), heading[last].tolist(), strict=True)
+        return fewest_arcs([Curve(*curve) for curve in zip(*columns, ends, strict=True)])
 
     def _sampled(self, runs: list[_Run]) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
         """Samples of runs, at even distances and not too few; how many each has."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from grassfire.plan.chains import Writer
 from grassfire.plan.path import BoolArray, IntArray, Path
-from grassfire.plan.tracing import Near, Piece, Start, Tracer
+from grassfire.plan.tracing import Piece, Start, Surroundings, Tracer
 from grassfire.plan.walls import mirrored, mirrored_path
 from grassfire.toolpath import FloatArray
 
@@ -73,17 +73,11 @@ class Sense:
         """From a closed front outwards: see `Tracer.spiral`; only in the direction of fronts."""
         return self._cut(self._tracer.spiral(front, room, tail))
 
-    def cut(self, front: FloatArray, start: Start, others: Near) -> Cut:
+    def cut(self, front: FloatArray, start: Start, beside: Surroundings) -> Cut:
         """Along an open front from its start, or from its end backwards, among others."""
         if not self.against:
-            return self._cut(self._tracer.cut(front, start, others))
-        return self._cut(
-            self._tracer.cut(
-                _image(front),
-                _reflected(start),
-                lambda places, reach: mirrored(others(mirrored(places), reach)),
-            )
-        )
+            return self._cut(self._tracer.cut(front, start, beside))
+        return self._cut(self._tracer.cut(_image(front), _reflected(start), beside.mirrored()))
 
     def led(self, cut: Cut, place: FloatArray) -> Cut:
         """A cut that begins where the tool is, if that is hardly a step before it."""

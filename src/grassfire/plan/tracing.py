@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from grassfire.errors import PlanningError
-from grassfire.plan.fronts import GRAZE, densified, direction, squares, swept_edge
+from grassfire.plan.fronts import GRAZE, WALL_SKIN, densified, direction, squares, swept_edge
 from grassfire.plan.path import BoolArray, IntArray
 from grassfire.plan.pursuit import pursue, unit, wrapped
-from grassfire.plan.walls import Walls
+from grassfire.plan.walls import Walls, mirrored
 from grassfire.toolpath import FloatArray
 
 SAMPLING = 0.05
@@ -27,6 +27,9 @@ EASE = 3.0, 1.2
 
 LEADS = 0.5, 1.0, 1.5
 """How far before its front a cut from the open may begin, as parts of the tool radius."""
+
+OUTWARDS = 0.6
+"""Length over which the edge of the opening spiral leaves its closed front, in tool radii."""
 
 AIR = 0.7
 """Longest way along a wall without cutting before the cut ends, as a part of the tool radius."""
@@ -59,7 +62,7 @@ MOST_CHANGES = 2000
 """Changes between wall and open in one cut: more are a fault."""
 
 
-BITE, TIGHT, MOST_TURN = 0.0605, 2 / 3, np.radians(25.0)
+BITE, TIGHT, MOST_TURN = (0.0487, 0.0588), 2 / 3, np.radians(25.0)
 """Turn of the tool, radians, over what it advances from tooth to tooth, or over one of the chords
 by which controllers follow an arc, on arcs as wide as the tool; the power of the radius that it
 falls with on tighter ones, where chords are shorter; and most that it may be."""
@@ -73,11 +76,34 @@ STRAIGHT = 0.5
 WIDE_TURN = 0.012
 """What of it the opening spiral need not allow for, radians: most of its turns are wide."""
 
-Near = Callable[[FloatArray, float], FloatArray]
-"""Points (m, 2) of other fronts that may be nearer to places (n, 2) than a distance, mm."""
-
 BESIDES = np.radians(6.0)
-"""How far past the limit the stock of another front may reach where a cut goes on, radians."""
+"""How far past the limit a cut may go into the stock of another front, radians."""
+
+PROBES, PROBED = np.radians(3.0), 0.01
+"""Angle between places round the rim where stock is looked for, radians, and how far outside the
+rim these are, as a part of the tool radius."""
+
+
+class Surroundings(NamedTuple):
+    """What is known about the stock beside the front of a cut.
+
+    Attributes
+    ----------
+    near : callable
+        Gives points (m, 2) of other fronts that may be nearer to places (n, 2) than a distance, mm.
+    cleared : callable
+        Tells which places (n, 2) the tool's centre has been nearer to than a distance, mm.
+    """
+
+    near: Callable[[FloatArray, float], FloatArray]
+    cleared: Callable[[FloatArray, float], BoolArray]
+
+    def mirrored(self) -> Surroundings:
+        """Those in the image in the x axis."""
+        return Surroundings(
+            lambda places, reach: mirrored(self.near(mirrored(places), reach)),
+            lambda places, reach: self.cleared(mirrored(places), reach),
+        )
 
 
 class Start(NamedTuple):
@@ -134,8 +160,8 @@ class _Cut:
 
     `lap` is the first piece of the lap of a spiral whose edge is not yet part of the front, or -1;
     `real` the number of points of the front that are to be cut, without its straight extension;
-    `limit` is its engagement, radians; `others` gives points of other fronts near places; `tail`
-    tells how much of the front of a spiral need not be cut.
+    `limit` is its engagement, radians; `beside` tells of stock of other fronts, None if there are
+    none; `tail` tells how much of the front of a spiral need not be cut.
     """
 
     front: FloatArray
@@ -145,7 +171,7 @@ class _Cut:
     lap: int
     real: int
     limit: float
-    others: Near
+    beside: Surroundings | None = None
     tail: Callable[[FloatArray], int] | None = None
 
 
@@ -165,6 +191,7 @@ class Tracer:
         self._walls = walls
         self._radius = radius
         self._limit = engagement
+        self._bite = BITE[0] + BITE[1] * math.cos(engagement)
         self._film = math.acos(1 - film / radius)
         self._step = SAMPLING * radius
 
@@ -177,24 +204,26 @@ class Tracer:
         left along the wall.
         """
         limit = self._limit - max(self._turned(room) - WIDE_TURN, 0.0)
-        cut = _Cut(front, 0, front[0], [], 0, len(front), limit, _alone, tail)
+        cut = _Cut(front, 0, front[0], [], 0, len(front), limit, tail=tail)
         bearing = direction(front[:2]) - np.pi / 2 + FIRST_BITE[0]
         ease: tuple[float, float] | None = (FIRST_BITE[0], EASE[0] * self._radius)
         while self._trace(cut, -1, bearing, ease) and cut.lap >= 0:
             offset = cut.front[-1] - cut.pieces[-1].points[-1]
             bearing, ease = float(np.arctan2(offset[1], offset[0])), None
             cut.index, cut.point = len(cut.front) - 1, cut.front[-1]
-            self._wind(cut, len(cut.pieces) == cut.lap + 1)
+            after = cut.pieces[cut.lap + 1 :]
+            self._wind(cut, after[0].points[:2] if after else np.zeros((0, 2)))
         return cut.pieces
 
-    def _wind(self, cut: _Cut, closed: bool) -> None:
+    def _wind(self, cut: _Cut, wall: FloatArray) -> None:
         """Lengthen the front by the edge that the first piece of this lap has left.
 
-        After a lap that met a wall (not `closed`) that is the last of the front.
+        Where a `wall` ended that piece, whose first places (2, 2) are given, the turn along it
+        leaves an arc, the last of the front; (0, 2) after a lap through the open.
         """
-        edge, _ = swept_edge(cut.pieces[cut.lap].points, self._radius, self._step)
-        gap = 0.6 * self._radius if cut.lap == 0 else 1e-6
-        more = self._continued(cut.front, edge, gap)
+        way, closed = np.concatenate([cut.pieces[cut.lap].points, wall]), not len(wall)
+        edge, _ = swept_edge(way, self._radius, self._step)
+        more = self._begun(cut.front, edge) if cut.lap == 0 else self._continued(cut.front, edge)
         front = np.concatenate([cut.front, more[1:]])
         cut.real = len(front)
         cut.front = front if closed else self._extended(front)
@@ -239,7 +268,7 @@ class Tracer:
             return Start(-1, places[chosen], heading, float(leads[chosen]))
         return Start(-1, place, heading)
 
-    def cut(self, front: FloatArray, start: Start, others: Near) -> list[Piece]:
+    def cut(self, front: FloatArray, start: Start, beside: Surroundings) -> list[Piece]:
         """Along an open front from its start, among others."""
         ease: tuple[float, float] | None = (FIRST_BITE[1], EASE[1] * self._radius)
         if start.lead > 0:
@@ -247,7 +276,7 @@ class Tracer:
             front = np.concatenate([front[0] - before[:, None] * unit(start.heading), front])
             ease = None
         limit = self._narrowed(front)
-        cut = _Cut(self._extended(front), 0, front[0], [], -1, len(front), limit, others)
+        cut = _Cut(self._extended(front), 0, front[0], [], -1, len(front), limit, beside)
         offset = front[0] - start.point
         self._trace(cut, start.sample, float(np.arctan2(offset[1], offset[0])), ease)
         return cut.pieces
@@ -275,7 +304,7 @@ class Tracer:
     def _turned(self, room: float) -> float:
         """What turns of a radius, mm, add to the angle that a tooth cuts, radians."""
         part = max(room / self._radius, 1e-9)
-        return min(BITE / max(part, math.pow(part, TIGHT)), float(MOST_TURN))
+        return min(self._bite / max(part, math.pow(part, TIGHT)), float(MOST_TURN))
 
     def _extended(self, front: FloatArray) -> FloatArray:
         """A front with a straight tool radius more: what lies beyond its end is no more stock."""
@@ -283,14 +312,26 @@ class Tracer:
         more = np.arange(1, round(self._radius / self._step) + 1) * self._step
         return np.concatenate([front, front[-1] + along * more[:, None]])
 
-    def _continued(self, front: FloatArray, edge: FloatArray, gap: float) -> FloatArray:
+    def _begun(self, front: FloatArray, edge: FloatArray) -> FloatArray:
+        """The edge that the first lap left, from a closed front outwards.
+
+        It begins along the front again and comes to the edge by and by: a chord would turn in.
+        """
+        reach = int(OUTWARDS / SAMPLING)
+        gap = squares(edge, front[reach : reach + 1])[:, 0]
+        nearest = int(np.argmin(gap))
+        offset = edge[nearest] - front[reach]
+        share = np.linspace(0.0, 1.0, reach + 1)[:, None]
+        return np.concatenate([front[: reach + 1] + share * offset, edge[nearest + 1 :]])
+
+    def _continued(self, front: FloatArray, edge: FloatArray) -> FloatArray:
         """The edge that a lap left, from the end of the front that the lap followed."""
         end, along = front[-1], unit(direction(front[-2:]))
         if not len(edge):
             # a lap that a wall stopped at once
             return np.asarray(end[None])
         offset = edge - end
-        behind = (offset @ along <= gap) & (np.hypot(*offset.T) < 2 * self._radius)
+        behind = (offset @ along <= 1e-6) & (np.hypot(*offset.T) < 2 * self._radius)
         return densified(np.concatenate([end[None], edge[int(np.argmin(behind)) :]]), self._step)
 
     def _trace(
@@ -337,6 +378,10 @@ class Tracer:
         outside[1:] |= (room[1:] < SKIM) & (room[1:] < room[:-1])
         outside[0] &= not cut.pieces
         leave = _first(outside)
+        clear = self._clear_until(cut, way.centre[:leave], way.heading[:leave])
+        if clear < leave:
+            cut.pieces.append(Piece(way.centre[:clear], way.heading[:clear], room[:clear]))
+            return ENDED, bearing
         if leave:
             cut.pieces.append(Piece(way.centre[:leave], way.heading[:leave], room[:leave]))
         if leave == stop:
@@ -378,9 +423,9 @@ class Tracer:
     def _slide(self, cut: _Cut, sample: int) -> float | None:
         """Along the wall until the limit is reached: the bearing there; None where the cut ends."""
         while cut.index < len(cut.front) - 2:
-            if 0 <= cut.lap < len(cut.pieces) and len(cut.front) - cut.index < WINDOW[1]:
-                self._wind(cut, closed=False)
             ahead = self._walls.ahead(sample, WINDOW[0])
+            if 0 <= cut.lap < len(cut.pieces) and len(cut.front) - cut.index < WINDOW[1]:
+                self._wind(cut, self._walls.points[ahead[:2]])
             touch = self._touch(cut, self._walls.points[ahead], self._walls.heading[ahead])
             leave = _first(touch.engagement >= cut.limit)
             # round a corner of the pocket the front may be touched for long before it is cut
@@ -428,25 +473,58 @@ class Tracer:
             angle = touch.engagement[late]
             film = touch.found[late] & (angle >= 0) & (angle <= self._film)
             spent[late] = behind | film | (np.hypot(gap[:, 0], gap[:, 1]) > self._radius)
-        return _first(spent | self._entered(cut, samples, touch))
+        past, touched = self._entered(cut, place, self._walls.heading[samples])
+        spent[past] = True
+        # while its own front is not found, it is another one that it cuts
+        spent[touched[~touch.found[touched]]] = True
+        return _first(spent)
 
-    def _entered(self, cut: _Cut, samples: IntArray, touch: _Touch) -> BoolArray:
-        """(n,) where the tool cuts another front: past the limit, or while not its own."""
-        place, reach = self._walls.points[samples], self._radius * (1 - GRAZE)
-        points = cut.others(place, reach)
+    def _clear_until(self, cut: _Cut, place: FloatArray, heading: FloatArray) -> int:
+        """How many places of a way come before it goes into another front past the limit.
+
+        There is one at least; a single place past the limit is a touch.
+        """
+        entered = np.zeros(len(place), dtype=bool)
+        entered[self._entered(cut, place, heading)[0]] = True
+        both = entered[:-1] & entered[1:]
+        return max(_first(both), 1) if both.any() else len(place)
+
+    def _entered(
+        self, cut: _Cut, place: FloatArray, heading: FloatArray
+    ) -> tuple[IntArray, IntArray]:
+        """Rows of places where another front is entered past the limit, and where at all."""
+        none = np.zeros(0, dtype=np.int64)
+        if cut.beside is None or not len(place):
+            return none, none
+        reach = self._radius * (1 - GRAZE)
+        points = cut.beside.near(place, reach)
         if not len(points):
-            return np.zeros(len(samples), dtype=bool)
-        inside = squares(place, points) < reach**2
-        row, column = inside.nonzero()
+            return none, none
+        row, column = (squares(place, points) < reach**2).nonzero()
         offset = points[column] - place[row]
         bearing = np.arctan2(offset[:, 1], offset[:, 0])
-        angle = wrapped(bearing - self._walls.heading[samples[row]] + np.pi / 2)
+        angle = wrapped(bearing - heading[row] + np.pi / 2)
         ahead = (angle > cut.limit + BESIDES) & (angle < 0.9 * np.pi)
         # where a cut begins it can only go on
         ahead &= (row > 0) | bool(cut.pieces)
-        result = np.zeros(len(samples), dtype=bool)
-        result[row[ahead | ~touch.found[row]]] = True
-        return result
+        rows = np.unique(row[ahead])
+        engaged = self._engaged(cut.beside, place.take(rows, axis=0), heading.take(rows))
+        return rows[engaged > cut.limit + BESIDES], row
+
+    def _engaged(self, beside: Surroundings, place: FloatArray, heading: FloatArray) -> FloatArray:
+        """(n,) how much of the front half of the rim is in stock, radians, whatever front that is.
+
+        Where one front has been cut away nearly, another one may be entered far ahead.
+        """
+        angle = np.arange(PROBES / 2, np.pi, PROBES)
+        spoke = (1 + PROBED) * self._radius * unit(heading[:, None] - np.pi / 2 + angle)
+        rim = (place[:, None] + spoke).reshape(-1, 2)
+        stock = ~beside.cleared(rim, self._radius)
+        rows = stock.nonzero()[0]
+        skin = WALL_SKIN * self._radius
+        if len(rows):
+            stock[rows] = self._walls.clearance(rim.take(rows, axis=0), 2 * skin) > skin
+        return np.asarray(stock.reshape(-1, len(angle)).sum(axis=1) * PROBES)
 
     def _slid(self, cut: _Cut, samples: IntArray) -> None:
         cut.pieces.append(
@@ -500,11 +578,6 @@ def _eased(front: FloatArray, limit: float, ease: tuple[float, float] | None) ->
     _gaps(front[1:-1], front[:-2]).cumsum(out=gone[1:])
     share = np.minimum(gone / ease[1], 1.0)
     return np.asarray(np.maximum(limit * share**2 * (3 - 2 * share), min(ease[0], limit)))
-
-
-def _alone(places: FloatArray, reach: float) -> FloatArray:
-    """No other front is near."""
-    return np.zeros((0, 2))
 
 
 def _first(flags: BoolArray) -> int:
