@@ -24,6 +24,7 @@ from grassfire.plan import plan_operation
 from grassfire.plan.adaptive import adaptive_pockets
 from grassfire.plan.arcs import Curve, fewest_arcs
 from grassfire.plan.boundary import Boundary
+from grassfire.plan.chains import Writer
 from grassfire.plan.fronts import (
     Disks,
     Front,
@@ -40,7 +41,7 @@ from grassfire.plan.pursuit import unit, wrapped
 from grassfire.plan.smooth import rounded, tangent_link, two_arcs
 from grassfire.plan.strategy import ClearingSettings
 from grassfire.plan.strokes import Stroke, StrokeKind
-from grassfire.plan.tracing import Start, Surroundings, Tracer
+from grassfire.plan.tracing import Piece, Start, Surroundings, Tracer
 from grassfire.plan.walls import Walls, mirrored, mirrored_path
 from grassfire.report import Finding
 from grassfire.toolpath import FloatArray, Role
@@ -648,6 +649,20 @@ def test_a_cut_through_the_open_ends_in_stock_of_another_front() -> None:
         start = Start(-1, np.array([-9.44, -0.4]), 0.0, 0.5)
         ends.append(float(tracer.cut(front, start, beside)[-1].points[-1, 0]))
     assert ends[0] > 7.0 and 1.5 < ends[1] < 2.5
+
+
+def test_a_cut_that_comes_back_at_once_is_not_written() -> None:
+    """From a wall and back to it within less than a micrometre, as in tips of stars."""
+    _, walls = tracer_in_a_box(0.2)
+    wall = Piece(walls.points[5:6], walls.heading[5:6], np.zeros(1), np.array([5]))
+    cuts = []
+    for away, count in ((4e-4, 5), (0.5, 30)):
+        turn = np.linspace(0.0, 2 * np.pi, count)
+        loop = walls.points[5] + away * (unit(turn) - [1.0, 0.0])
+        cuts.append([wall, Piece(loop, turn + np.pi / 2, np.full(count, away)), wall])
+    none, path = Writer(walls, RADIUS, 0.15).paths(cuts)
+    assert none is None
+    assert path is not None and path.length == pytest.approx(np.pi, abs=0.2)
 
 
 @pytest.mark.parametrize("part", [0.03, 0.1, 0.4])

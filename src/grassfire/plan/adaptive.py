@@ -442,8 +442,12 @@ class AdaptivePocket:
         if min(gaps) > FAR * self._radius:
             place, heading = self._tidied(place, heading)
             gaps = _distances(starts, place)
-        chosen, link = self._best(place, heading, starts, gaps)
+        chosen, link, landing = self._best(place, heading, starts, gaps)
         index, start = chosen // len(self._senses), starts[chosen]
+        if link is None and landing is None and gaps[chosen] > self._step:
+            # stock on all sides of all: what is there can only be cut in full width
+            self._give_up(index)
+            return place, heading
         sense = self._senses[chosen % len(self._senses)]
         front, others = self._fronts[index], self._fronts.without(index)
         cut = sense.cut(front.points, start, Surroundings(others.about, self._cleared.within))
@@ -454,17 +458,25 @@ class AdaptivePocket:
         if link is not None:
             self._stroke(StrokeKind.FEED, link, Role.LINK, air=True)
             place = link.end
-        elif gaps[chosen] > self._step:
-            landing = self._landing(place, start)
-            if landing is None:
-                # stock on all sides: what is there can only be cut in full width
-                self._give_up(index)
-                return place, heading
+        elif landing is not None:
             place = self._land(place, landing, start)
         return self._take(cut, sense, Fronts([front]).plus(others), place)
 
     def _give_up(self, index: int) -> None:
         """Leave a front to the wall pass."""
+        front = self._fronts[index]
+        if front.length > self._radius:
+            x, y = self._walls.frame(front.points[len(front) // 2][None])[0].tolist()
+            self.findings.append(
+                Finding(
+                    Severity.WARNING,
+                    "full-width",
+                    "what is left here is cut in full width, past the engagement limit: the tool "
+                    "cannot come to it through cleared area; a smaller tool may",
+                    place=(x, y),
+                    size=front.length,
+                )
+            )
         self._left = self._left.plus([self._fronts[index]])
         self._fronts = self._fronts.without(index)
 
@@ -499,13 +511,16 @@ class AdaptivePocket:
 
     def _best(
         self, place: FloatArray, heading: float, starts: list[Start], gaps: list[float]
-    ) -> tuple[int, Path | None]:
-        """The nearest start that a way leads to, and the way; the nearest if none does."""
+    ) -> tuple[int, Path | None, FloatArray | None]:
+        """The nearest start that a way leads to, and the way; else one to come down at, and where.
+
+        The nearest without either if there is none, or if the tool is there.
+        """
         smooth = len(self._senses) == 1
         order = [int(index) for index in np.argsort(gaps, kind="stable")]
         if gaps[order[0]] <= self._step:
             # so short a way is part of the cut
-            return order[0], None
+            return order[0], None, None
         tried = []
         for index in order[:LINK_TRIES]:
             if not self._returns.open(starts[index].point):
@@ -513,12 +528,16 @@ class AdaptivePocket:
             tried.append(index)
             link = self._returns.direct(place, heading, starts[index], smooth)
             if link is not None:
-                return index, link
+                return index, link, None
         for index in tried:
             link = self._returns.over_map(place, starts[index])
             if link is not None:
-                return index, link
-        return order[0], None
+                return index, link, None
+        for index in order:
+            landing = self._landing(place, starts[index])
+            if landing is not None:
+                return index, None, landing
+        return order[0], None, None
 
     def _starts_of(self, front: Front) -> list[Start]:
         """Where cuts along a front begin, one for each sense."""
@@ -538,10 +557,13 @@ class AdaptivePocket:
         paths = {sense: iter(sense.paths(cuts)) for sense, cuts in self._cuts.items()}
         strokes = []
         for step in self._steps:
-            if isinstance(step, Sense):
-                path = self._walls.path(next(paths[step]))
-                step = Stroke(StrokeKind.FEED, path, Role.CUT, steady=True)
-            strokes.append(step)
+            if isinstance(step, Stroke):
+                strokes.append(step)
+                continue
+            path = next(paths[step])
+            if path is not None:
+                path = self._walls.path(path)
+                strokes.append(Stroke(StrokeKind.FEED, path, Role.CUT, steady=True))
         return strokes
 
     def _take(

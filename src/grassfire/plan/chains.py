@@ -126,13 +126,17 @@ class Writer:
         self._short = SHORT * radius
         self._step = step
 
-    def paths(self, cuts: Sequence[list[Piece]]) -> list[Path]:
-        """Cuts that have a length as lines and arcs; wall pieces are the wall rings' own."""
+    def paths(self, cuts: Sequence[list[Piece]]) -> list[Path | None]:
+        """Cuts that have a length as lines and arcs; wall pieces are the wall rings' own.
+
+        None where a cut comes back to where it begins before there is a sample to look at.
+        """
         laid = [self._laid(pieces) for pieces in cuts]
         free = [run for runs in laid for run in runs if run.path is None]
         for run, path in zip(free, self._fitted(free), strict=True):
             run.path = path
-        return [join(*(run.path for run in runs if run.path is not None)) for runs in laid]
+        parts = [[run.path for run in runs if run.path is not None] for runs in laid]
+        return [join(*own) if own else None for own in parts]
 
     def _laid(self, pieces: list[Piece]) -> list[_Run]:
         """Runs of a cut from end to end, those along rings as paths."""

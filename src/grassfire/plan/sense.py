@@ -95,10 +95,12 @@ class Sense:
             room=np.concatenate([cut.room[:1], cut.room]),
         )
 
-    def paths(self, cuts: Sequence[Cut]) -> list[Path]:
-        """Cuts that have a length, as they are machined."""
+    def paths(self, cuts: Sequence[Cut]) -> list[Path | None]:
+        """Cuts that have a length, as they are machined: see `Writer.paths`."""
         paths = self._writer.paths([cut.pieces for cut in cuts])
-        return [mirrored_path(path) for path in paths] if self.against else paths
+        if not self.against:
+            return paths
+        return [None if path is None else mirrored_path(path) for path in paths]
 
     def edge(
         self, points: FloatArray, swept: Callable[[FloatArray], tuple[FloatArray, IntArray]]

@@ -31,6 +31,9 @@ LEADS = 0.5, 1.0, 1.5
 OUTWARDS = 0.6
 """Length over which the edge of the opening spiral leaves its closed front, in tool radii."""
 
+TURNED = 2e-4
+"""Step by which a turn at the end of a way is shown, as a part of the tool radius."""
+
 AIR = 0.7
 """Longest way along a wall without cutting before the cut ends, as a part of the tool radius."""
 
@@ -211,17 +214,20 @@ class Tracer:
             offset = cut.front[-1] - cut.pieces[-1].points[-1]
             bearing, ease = float(np.arctan2(offset[1], offset[0])), None
             cut.index, cut.point = len(cut.front) - 1, cut.front[-1]
-            after = cut.pieces[cut.lap + 1 :]
-            self._wind(cut, after[0].points[:2] if after else np.zeros((0, 2)))
+            self._wind(cut, None)
         return cut.pieces
 
-    def _wind(self, cut: _Cut, wall: FloatArray) -> None:
+    def _wind(self, cut: _Cut, wall: float | None) -> None:
         """Lengthen the front by the edge that the first piece of this lap has left.
 
-        Where a `wall` ended that piece, whose first places (2, 2) are given, the turn along it
-        leaves an arc, the last of the front; (0, 2) after a lap through the open.
+        Where a wall ended that piece, the turn along it leaves an arc, the last of the front.
+        `wall` is its heading if the tool is there still, radians; None after a lap.
         """
-        way, closed = np.concatenate([cut.pieces[cut.lap].points, wall]), not len(wall)
+        way, after = cut.pieces[cut.lap].points, cut.pieces[cut.lap + 1 :]
+        wall = float(after[0].heading[0]) if after else wall
+        closed = wall is None
+        if wall is not None:
+            way = np.concatenate([way, way[-1:] + TURNED * self._radius * unit(wall)])
         edge, _ = swept_edge(way, self._radius, self._step)
         more = self._begun(cut.front, edge) if cut.lap == 0 else self._continued(cut.front, edge)
         front = np.concatenate([cut.front, more[1:]])
@@ -425,7 +431,7 @@ class Tracer:
         while cut.index < len(cut.front) - 2:
             ahead = self._walls.ahead(sample, WINDOW[0])
             if 0 <= cut.lap < len(cut.pieces) and len(cut.front) - cut.index < WINDOW[1]:
-                self._wind(cut, self._walls.points[ahead[:2]])
+                self._wind(cut, float(self._walls.heading[sample]))
             touch = self._touch(cut, self._walls.points[ahead], self._walls.heading[ahead])
             leave = _first(touch.engagement >= cut.limit)
             # round a corner of the pocket the front may be touched for long before it is cut
@@ -473,10 +479,7 @@ class Tracer:
             angle = touch.engagement[late]
             film = touch.found[late] & (angle >= 0) & (angle <= self._film)
             spent[late] = behind | film | (np.hypot(gap[:, 0], gap[:, 1]) > self._radius)
-        past, touched = self._entered(cut, place, self._walls.heading[samples])
-        spent[past] = True
-        # while its own front is not found, it is another one that it cuts
-        spent[touched[~touch.found[touched]]] = True
+        spent[self._entered(cut, place, self._walls.heading[samples], touch.found)] = True
         return _first(spent)
 
     def _clear_until(self, cut: _Cut, place: FloatArray, heading: FloatArray) -> int:
@@ -485,21 +488,24 @@ class Tracer:
         There is one at least; a single place past the limit is a touch.
         """
         entered = np.zeros(len(place), dtype=bool)
-        entered[self._entered(cut, place, heading)[0]] = True
+        entered[self._entered(cut, place, heading, ~entered)] = True
         both = entered[:-1] & entered[1:]
         return max(_first(both), 1) if both.any() else len(place)
 
     def _entered(
-        self, cut: _Cut, place: FloatArray, heading: FloatArray
-    ) -> tuple[IntArray, IntArray]:
-        """Rows of places where another front is entered past the limit, and where at all."""
+        self, cut: _Cut, place: FloatArray, heading: FloatArray, found: BoolArray
+    ) -> IntArray:
+        """Rows of places where the tool is in stock past the limit, and some of another front.
+
+        `found` says where its own one is met.
+        """
         none = np.zeros(0, dtype=np.int64)
         if cut.beside is None or not len(place):
-            return none, none
+            return none
         reach = self._radius * (1 - GRAZE)
         points = cut.beside.near(place, reach)
         if not len(points):
-            return none, none
+            return none
         row, column = (squares(place, points) < reach**2).nonzero()
         offset = points[column] - place[row]
         bearing = np.arctan2(offset[:, 1], offset[:, 0])
@@ -507,9 +513,9 @@ class Tracer:
         ahead = (angle > cut.limit + BESIDES) & (angle < 0.9 * np.pi)
         # where a cut begins it can only go on
         ahead &= (row > 0) | bool(cut.pieces)
-        rows = np.unique(row[ahead])
+        rows = np.unique(row[ahead | ~found[row]])
         engaged = self._engaged(cut.beside, place.take(rows, axis=0), heading.take(rows))
-        return rows[engaged > cut.limit + BESIDES], row
+        return np.asarray(rows[engaged > cut.limit + BESIDES])
 
     def _engaged(self, beside: Surroundings, place: FloatArray, heading: FloatArray) -> FloatArray:
         """(n,) how much of the front half of the rim is in stock, radians, whatever front that is.
