@@ -21,7 +21,7 @@ from grassfire.geometry import Arc, Bezier, Line, Loop, Region, flatten
 from grassfire.job import Job, parse_job
 from grassfire.medial import medial_axis
 from grassfire.plan import plan_operation
-from grassfire.plan.adaptive import adaptive_pockets
+from grassfire.plan.adaptive import AdaptivePocket, adaptive_pockets
 from grassfire.plan.arcs import Curve, fewest_arcs
 from grassfire.plan.boundary import Boundary
 from grassfire.plan.chains import Writer
@@ -649,6 +649,20 @@ def test_a_cut_through_the_open_ends_in_stock_of_another_front() -> None:
         start = Start(-1, np.array([-9.44, -0.4]), 0.0, 0.5)
         ends.append(float(tracer.cut(front, start, beside)[-1].points[-1, 0]))
     assert ends[0] > 7.0 and 1.5 < ends[1] < 2.5
+
+
+def test_fronts_that_are_left_to_the_last_lap_are_told_of() -> None:
+    """Where no cleared way leads to a front, what is behind it is cut in full width."""
+    pockets, _ = adaptive_pockets(medial_axis(REGIONS["rectangle"]()), settings_of())
+    (pocket,) = pockets
+    assert isinstance(pocket, AdaptivePocket)
+    along = np.arange(0.0, 8.0, 0.15)
+    front = Front(np.stack([along, np.zeros(len(along))], axis=1))
+    for size, told in ((8, 0), (len(along), 1)):
+        pocket._fronts = Fronts([Front(front.points[:size])])
+        pocket._give_up(0)
+        assert not pocket._fronts and len(pocket._left) == 1 + told
+        assert [finding.code for finding in pocket.findings] == ["full-width"] * told
 
 
 def test_a_cut_that_comes_back_at_once_is_not_written() -> None:
