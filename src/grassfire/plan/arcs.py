@@ -80,15 +80,14 @@ class Curve(NamedTuple):
         Two or more, no two neighbours equal, mm.
     right, left : (n,) float arrays
         How far beside them arcs may lie, mm.
-    ends : tuple of float, optional
-        Directions in which it leaves the first one and comes to the last, radians; without them as
-        it bends beside its ends.
+    leave : float, optional
+        Direction in which it leaves the first one, radians; without it as it bends beside it.
     """
 
     points: FloatArray
     right: FloatArray
     left: FloatArray
-    ends: tuple[float, float] = (math.nan, math.nan)
+    leave: float = math.nan
 
 
 class _Samples(NamedTuple):
@@ -177,9 +176,8 @@ def _measured(curve: Curve) -> tuple[FloatArray, ...]:
     if len(points) > 2:
         # as the curve bends beside its ends
         heading[0], heading[-1] = 2 * bearing[0] - heading[1], 2 * bearing[-1] - heading[-2]
-    for end, given in zip((0, -1), curve.ends, strict=True):
-        if not math.isnan(given):
-            heading[end] += wrapped(round(given, DIGITS) - heading[end])
+    if not math.isnan(curve.leave):
+        heading[0] += wrapped(round(curve.leave, DIGITS) - heading[0])
     weight[:-1] = size / 2
     weight[1:] += size / 2
     middle = (left - right) / 2
@@ -466,11 +464,11 @@ def fewest_arcs(curves: Sequence[Curve]) -> list[Path]:
 
 def _halves(curve: Curve, sample: int) -> list[Curve]:
     """The parts of a curve up to and from a sample."""
-    points, right, left, (leave, arrive) = curve
+    points, right, left, leave = curve
     first, last = slice(None, sample + 1), slice(sample, None)
     return [
-        Curve(points[first], right[first], left[first], (leave, math.nan)),
-        Curve(points[last], right[last], left[last], (math.nan, arrive)),
+        Curve(points[first], right[first], left[first], leave),
+        Curve(points[last], right[last], left[last]),
     ]
 
 

@@ -257,8 +257,8 @@ class Writer:
         right, left = self._tolerances(points, heading, room)
         last = count.cumsum() - 1
         columns = (np.split(column, last[:-1] + 1) for column in (points, right, left))
-        ends = zip(heading[last + 1 - count].tolist(), heading[last].tolist(), strict=True)
-        return fewest_arcs([Curve(*curve) for curve in zip(*columns, ends, strict=True)])
+        leave = heading[last + 1 - count].tolist()
+        return fewest_arcs([Curve(*curve) for curve in zip(*columns, leave, strict=True)])
 
     def _sampled(self, runs: list[_Run]) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
         """Samples of runs, at even distances and not too few; how many each has."""

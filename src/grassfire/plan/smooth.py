@@ -77,7 +77,8 @@ def two_arcs(start: FloatArray, leave: float, end: FloatArray, arrive: float) ->
     size = x * x + y * y
     if size <= SAME**2:
         return None
-    arm = size / max(along + math.sqrt(along**2 + bend * size), 1e-300)
+    # equal headings bend by less than nothing, but for rounding
+    arm = size / max(along + math.sqrt(max(along**2 + bend * size, 0.0)), 1e-300)
     # from the start to the joint, and from there to the end
     one = (x + arm * (first[0] - last[0])) / 2, (y + arm * (first[1] - last[1])) / 2
     two = x - one[0], y - one[1]
