@@ -11,7 +11,7 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
@@ -664,6 +664,27 @@ def test_fronts_that_are_left_to_the_last_lap_are_told_of() -> None:
         pocket._give_up(0)
         assert not pocket._fronts and len(pocket._left) == 1 + told
         assert [finding.code for finding in pocket.findings] == ["full-width"] * told
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    count=st.integers(3, 11),
+    begin=st.tuples(st.floats(-5.5, 0.0), st.floats(-9.95, -8.0)),
+    bearing=st.floats(-3.1, 3.1),
+    bend=st.floats(-0.5, 0.5),
+)
+@example(count=4, begin=(-0.18129, -9.85247), bearing=2.51704, bend=-0.09788)
+@example(count=3, begin=(-0.33793, -9.47703), bearing=2.18194, bend=0.24178)
+def test_a_cut_does_not_leave_a_wall_outwards(
+    count: int, begin: tuple[float, float], bearing: float, bend: float
+) -> None:
+    """The rim meets no end of a front that is inside the disk: a radius back from it is outside."""
+    tracer, walls = tracer_in_a_box(0.4)
+    first = walls.nearest(np.array([-6.0, -7.0]))
+    front = begin + 0.15 * np.cumsum(unit(bearing + bend * np.arange(count)), axis=0)
+    nothing = Surroundings(lambda p, r: np.zeros((0, 2)), lambda p, r: np.ones(len(p), dtype=bool))
+    for piece in tracer.cut(front, Start(first, walls.points[first], 0.0), nothing):
+        assert walls.clearance(piece.points).min() > 3.0 - 1.6e-3
 
 
 def test_a_cut_that_comes_back_at_once_is_not_written() -> None:

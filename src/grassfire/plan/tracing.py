@@ -79,7 +79,7 @@ STRAIGHT = 0.5
 WIDE_TURN = 0.012
 """What of it the opening spiral need not allow for, radians: most of its turns are wide."""
 
-BESIDES = np.radians(6.0)
+BESIDES = np.radians(4.0)
 """How far past the limit a cut may go into the stock of another front, radians."""
 
 PROBES, PROBED = np.radians(3.0), 0.01
@@ -379,6 +379,9 @@ class Tracer:
         # the first row is where the way begins
         stop = _first(way.advance[1:] < 0) + 1
         room = self._walls.room(way.centre[:stop])
+        if cut.pieces and room[0] < -SKIM:
+            # the rim met no front that goes on from here
+            return ENDED, bearing
         outside = room < -1e-9
         # towards the wall the fitted way may be off by its tolerance
         outside[1:] |= (room[1:] < SKIM) & (room[1:] < room[:-1])
