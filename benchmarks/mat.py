@@ -429,7 +429,8 @@ def polygons(options: argparse.Namespace, peers: Peers) -> Iterator[str]:
         theirs: list[tuple[int, float]] = []
         for edges in options.sizes:
             engines = ["grassfire", "pyvoronoi"] if with_peer else ["grassfire"]
-            mine, peer = [*middle_runs(engines, shape, edges, options), {}][:2]
+            mine, *others = middle_runs(engines, shape, edges, options)
+            peer = others[0] if others else {}
             words = [shape, str(edges)]
             if "failure" in mine:
                 words += [mine["failure"], "", f"{mine.get('memory', 0):.0f}", ""]

@@ -846,6 +846,8 @@ def test_two_arcs_to_a_place_straight_beside() -> None:
     leave=st.floats(-3.1, 3.1),
     arrive=st.floats(-3.1, 3.1),
 )
+@example(end=(-1.0, 0.0), leave=1.3791201197745982e-296, arrive=0.0)
+@example(end=(-1.0, 0.0), leave=1e-5, arrive=0.0)
 def test_two_arcs_are_tangent_and_turn_left(
     end: tuple[float, float], leave: float, arrive: float
 ) -> None:

@@ -143,9 +143,10 @@ def _mixed(sites: Sites, near: _Near, hint: FloatArray) -> tuple[FloatArray, Flo
     if not len(rows):
         return _closed(sites, near.chords())
     parameter, radius = np.empty(len(spiral)), np.empty(len(spiral))
-    part = near.take(rows).approach()
-    parameter[rows], radius[rows] = spiral_contact(sites, part, hint.take(rows))
-    _leave_corners(sites, near.target, parameter, radius)
+    part = near.take(rows)
+    at, reach = spiral_contact(sites, part.approach(), hint.take(rows))
+    _leave_corners(sites, part.target, at, reach)
+    parameter[rows], radius[rows] = at, reach
     rows = (~spiral).nonzero()[0]
     if len(rows):
         parameter[rows], radius[rows] = _closed(sites, near.chords().take(rows))

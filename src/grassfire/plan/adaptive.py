@@ -151,14 +151,16 @@ def adaptive_pockets(
 
 
 def _slot(place: FloatArray, radius: float) -> Finding:
-    return Finding(
-        Severity.WARNING,
-        "full-width",
+    message = (
         "a place hardly wider than the tool is cut in full width, past the engagement limit; a "
-        "smaller tool keeps to it",
-        place=(float(place[0]), float(place[1])),
-        size=2 * radius,
+        "smaller tool keeps to it"
     )
+    return _full_width(message, place, 2 * radius)
+
+
+def _full_width(message: str, place: FloatArray, size: float) -> Finding:
+    where = float(place[0]), float(place[1])
+    return Finding(Severity.WARNING, "full-width", message, place=where, size=size)
 
 
 def _distances(starts: Sequence[Start], place: FloatArray) -> list[float]:
@@ -369,7 +371,7 @@ class AdaptivePocket:
             helix = min(room, entry.NO_CORE * self._radius)
         angle = np.linspace(0.0, 2 * np.pi, int(2 * np.pi * (helix + self._radius) / self._step))
         front = centre + (helix + self._radius) * unit(angle)
-        stock = self._walls.clearance(front) > WALL_SKIN * self._radius
+        stock = self._walls.off(front, WALL_SKIN * self._radius)
         outwards = front[0] - self._radius * unit(FIRST_BITE[0]) - centre
         start = centre + helix * outwards / np.hypot(*outwards)
         light = math.atan(LIGHT * self._settings.step / (2 * math.pi * helix))
@@ -466,18 +468,13 @@ class AdaptivePocket:
         """Leave a front to the wall pass."""
         front = self._fronts[index]
         if front.length > self._radius:
-            x, y = self._walls.frame(front.points[len(front) // 2][None])[0].tolist()
-            self.findings.append(
-                Finding(
-                    Severity.WARNING,
-                    "full-width",
-                    "what is left here is cut in full width, past the engagement limit: the tool "
-                    "cannot come to it through cleared area; a smaller tool may",
-                    place=(x, y),
-                    size=front.length,
-                )
+            message = (
+                "what is left here is cut in full width, past the engagement limit: the tool "
+                "cannot come to it through cleared area; a smaller tool may"
             )
-        self._left = self._left.plus([self._fronts[index]])
+            place = self._walls.frame(front.points[len(front) // 2][None])[0]
+            self.findings.append(_full_width(message, place, front.length))
+        self._left = self._left.plus([front])
         self._fronts = self._fronts.without(index)
 
     def _landing(self, place: FloatArray, start: Start) -> FloatArray | None:
@@ -674,8 +671,7 @@ class AdaptivePocket:
         # where the wall is nearer to the edge than that, it is near the tool as well
         skin = WALL_SKIN * self._radius
         rows = (stock & (np.minimum(low, high) < skin)).nonzero()[0]
-        if len(rows):
-            stock[rows] = self._walls.clearance(edge.take(rows, axis=0), 2 * skin) > skin
+        stock[rows] = self._walls.off(edge.take(rows, axis=0), skin)
         return [Front(part) for part in runs(edge, stock, 4 * self._step)]
 
     def _rimmed(self, points: FloatArray) -> tuple[FloatArray, IntArray]:

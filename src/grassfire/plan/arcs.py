@@ -428,7 +428,7 @@ def fewest_arcs(curves: Sequence[Curve]) -> list[Path]:
             paths[number] = segment(curve.points[0], curve.points[1])
         elif len(curve.points) > LONGEST:
             middle = len(curve.points) // 2
-            paths[number] = join(*(fewest_arcs([half])[0] for half in _halves(curve, middle)))
+            paths[number] = join(*fewest_arcs(_halves(curve, middle)))
     active = np.array([row for row in range(len(curves)) if row not in paths], dtype=np.int64)
     if not len(active):
         return [paths[row] for row in range(len(curves))]

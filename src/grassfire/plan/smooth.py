@@ -16,6 +16,9 @@ MOST_ARC = math.radians(200.0)
 LEAST_ARC = 1e-3
 """Smallest sweep of it, radians."""
 
+LONGEST_ARM = 1e6
+"""Longest tangent arm of a way of two arcs, as a multiple of the distance of its ends."""
+
 _NOWHERE = math.nan, math.nan
 
 
@@ -77,8 +80,11 @@ def two_arcs(start: FloatArray, leave: float, end: FloatArray, arrive: float) ->
     size = x * x + y * y
     if size <= SAME**2:
         return None
-    # equal headings bend by less than nothing, but for rounding
-    arm = size / max(along + math.sqrt(max(along**2 + bend * size, 0.0)), 1e-300)
+    reach = along + math.sqrt(max(along**2 + bend * size, 0.0))
+    if reach * LONGEST_ARM <= math.sqrt(size):
+        # with equal headings straight beside or behind there is none, but for rounding
+        return None
+    arm = size / reach
     # from the start to the joint, and from there to the end
     one = (x + arm * (first[0] - last[0])) / 2, (y + arm * (first[1] - last[1])) / 2
     two = x - one[0], y - one[1]

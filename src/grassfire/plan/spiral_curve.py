@@ -166,7 +166,7 @@ def _biarcs(
     slope = np.sum(chord * (leave + arrive), axis=1)
     square = np.sum(chord * chord, axis=1)
     open_ = 2.0 * (1.0 - np.sum(leave * arrive, axis=1))
-    arm = square / np.maximum(slope + np.sqrt(slope**2 + open_ * square), 1e-300)
+    arm = square / np.maximum(slope + np.sqrt(np.maximum(slope**2 + open_ * square, 0.0)), 1e-300)
     middle = 0.5 * (points[first] + points[second] + arm[:, None] * (leave - arrive))
     one = _angle(leave, middle - points[first])
     two = _angle(points[second] - middle, arrive)

@@ -333,9 +333,6 @@ class Tracer:
     def _continued(self, front: FloatArray, edge: FloatArray) -> FloatArray:
         """The edge that a lap left, from the end of the front that the lap followed."""
         end, along = front[-1], unit(direction(front[-2:]))
-        if not len(edge):
-            # a lap that a wall stopped at once
-            return np.asarray(end[None])
         offset = edge - end
         behind = (offset @ along <= 1e-6) & (np.hypot(*offset.T) < 2 * self._radius)
         return densified(np.concatenate([end[None], edge[int(np.argmin(behind)) :]]), self._step)
@@ -432,9 +429,9 @@ class Tracer:
     def _slide(self, cut: _Cut, sample: int) -> float | None:
         """Along the wall until the limit is reached: the bearing there; None where the cut ends."""
         while cut.index < len(cut.front) - 2:
-            ahead = self._walls.ahead(sample, WINDOW[0])
             if 0 <= cut.lap < len(cut.pieces) and len(cut.front) - cut.index < WINDOW[1]:
                 self._wind(cut, float(self._walls.heading[sample]))
+            ahead = self._walls.ahead(sample, WINDOW[0])
             touch = self._touch(cut, self._walls.points[ahead], self._walls.heading[ahead])
             leave = _first(touch.engagement >= cut.limit)
             # round a corner of the pocket the front may be touched for long before it is cut
@@ -490,8 +487,8 @@ class Tracer:
 
         There is one at least; a single place past the limit is a touch.
         """
-        entered = np.zeros(len(place), dtype=bool)
-        entered[self._entered(cut, place, heading, ~entered)] = True
+        entered, found = np.zeros(len(place), dtype=bool), np.ones(len(place), dtype=bool)
+        entered[self._entered(cut, place, heading, found)] = True
         both = entered[:-1] & entered[1:]
         return max(_first(both), 1) if both.any() else len(place)
 
@@ -530,9 +527,7 @@ class Tracer:
         rim = (place[:, None] + spoke).reshape(-1, 2)
         stock = ~beside.cleared(rim, self._radius)
         rows = stock.nonzero()[0]
-        skin = WALL_SKIN * self._radius
-        if len(rows):
-            stock[rows] = self._walls.clearance(rim.take(rows, axis=0), 2 * skin) > skin
+        stock[rows] = self._walls.off(rim.take(rows, axis=0), WALL_SKIN * self._radius)
         return np.asarray(stock.reshape(-1, len(angle)).sum(axis=1) * PROBES)
 
     def _slid(self, cut: _Cut, samples: IntArray) -> None:

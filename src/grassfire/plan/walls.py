@@ -98,6 +98,12 @@ class Walls:
             return self._boundary.clearance(self.frame(points), enough)
         return self._axis.clearance(self.frame(points))
 
+    def off(self, points: FloatArray, skin: float) -> BoolArray:
+        """(n,) which points are further from the boundary than `skin` mm."""
+        if not len(points):
+            return np.zeros(0, dtype=bool)
+        return np.asarray(self.clearance(points, 2 * skin) > skin)
+
     def room(self, chain: FloatArray) -> FloatArray:
         """(n,) clearance beyond `wall` on a way that begins inside; exact near the rings, mm.
 
