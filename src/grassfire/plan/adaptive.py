@@ -42,10 +42,10 @@ from grassfire.plan.fronts import (
 from grassfire.plan.link import straight
 from grassfire.plan.offset import offset_pockets
 from grassfire.plan.path import BoolArray, IntArray, Path
-from grassfire.plan.pursuit import unit
+from grassfire.plan.pursuit import unit, wrapped
 from grassfire.plan.returns import ROOM, Returns
 from grassfire.plan.rings import Component, components
-from grassfire.plan.sense import Cut, Sense
+from grassfire.plan.sense import Cut, Sense, swept_side
 from grassfire.plan.strategy import ClearingSettings, PocketPlan
 from grassfire.plan.strokes import Stroke, StrokeKind
 from grassfire.plan.tracing import (
@@ -113,6 +113,17 @@ HEAD = 8
 TAIL = 1000
 """Most points at the end of a front that may be left."""
 
+PECK, PECKED_BACK, MOST_PECKED = 0.03, 0.08, 1.0
+"""Bits in which the tool cuts along a wall where it is past the limit, how far it goes back after
+each, and the longest way that it takes so, as parts of its radius."""
+
+PECK_SKIN = 0.005
+"""Thickest film that does not count there, as a part of the tool radius."""
+
+TIP, TIP_TURN = (0.2, 0.6), np.radians(90.0)
+"""Longest cut across a tip, and longest way round it along the walls, that is not cut from wall to
+wall any more, as parts of the tool radius; least turn of the walls there, radians."""
+
 LINK_TRIES = 3
 """Fronts that are tried before the tool is retracted."""
 
@@ -163,12 +174,6 @@ def _full_width(message: str, place: FloatArray, size: float) -> Finding:
     return Finding(Severity.WARNING, "full-width", message, place=where, size=size)
 
 
-def _distances(starts: Sequence[Start], place: FloatArray) -> list[float]:
-    """Of starts from a place, mm."""
-    here = place.tolist()
-    return [math.dist(start.point.tolist(), here) for start in starts]
-
-
 class AdaptivePocket:
     """Strokes of one pocket, the same for every depth, and those that finish it.
 
@@ -200,13 +205,11 @@ class AdaptivePocket:
         ]
         self._walls = walls[0]
         film = 0.9 * ALLOWANCE * self._radius if settings.finish else 0.0
+        tracers = [Tracer(own, self._radius, engagement, film) for own in walls]
+        self._tracer = tracers[0]
         self._senses = [
-            Sense(
-                Tracer(own, self._radius, engagement, film),
-                Writer(own, self._radius, self._step),
-                own is not self._walls,
-            )
-            for own in walls
+            Sense(tracer, Writer(own, self._radius, self._step), own is not self._walls)
+            for tracer, own in zip(tracers, walls, strict=True)
         ]
         self._returns = Returns(axis, self._walls, settings.wall, self._radius)
         self._cleared = Disks()
@@ -227,27 +230,24 @@ class AdaptivePocket:
 
     def plan(self, position: FloatArray) -> FloatArray:
         """Lay out all strokes; returns where the last one ends, mm."""
-        most = MOST_LENGTH * (self._axis.region.area / self._settings.stepover + self._radius)
         entry_place: tuple[FloatArray, float] | None = self._middle()
         while entry_place is not None:
             place, heading = self._enter(*entry_place)
-            while self._fronts:
-                place, heading = self._next(place, heading)
-                if self._length > most:
-                    raise PlanningError(
-                        f"cuts of {self._length:.6g} mm have not cleared the pocket",
-                        place=(float(self.peak[0]), float(self.peak[1])),
-                        remedy="take strategy offset, and report the drawing",
-                    )
+            place, heading = self._cleared_fronts(place, heading)
             entry_place = self._beyond()
         settings = self._settings
-        corners = self._corners(self._left) if settings.finish else self._unswept()
-        # each is worth its length and a way there; many of them are a lap
-        cost = sum(self._walls.size(low, high) + 3 * self._radius for low, high in corners)
-        lap = cost > 0.6 * sum(ring.length for ring in self._part.rings)
-        if not lap:
-            place, heading, whole = self._cut_corners(corners, place, heading, True)
-            lap = not whole
+        lap = False
+        while not lap:
+            corners = self._corners(self._left) if settings.finish else self._unswept()
+            # each is worth its length and a way there; many of them are a lap
+            cost = sum(self._walls.size(low, high) + 3 * self._radius for low, high in corners)
+            lap = cost > 0.6 * sum(ring.length for ring in self._part.rings)
+            if not lap:
+                place, heading, whole = self._cut_corners(corners, place, heading, True)
+                lap = not whole
+            if not self._fronts:
+                break
+            place, heading = self._cleared_fronts(place, heading)
         self.strokes = self._written()
         rings = [ring if settings.climb else ring.reversed() for ring in self._part.rings]
         here = self._walls.frame(place[None])[0]
@@ -262,6 +262,19 @@ class AdaptivePocket:
         end, first = self.strokes[-1].path.end, self.strokes[0]
         self.strokes[0] = replace(first, approach=self._returns.across(end, first.path.start))
         return np.asarray(here)
+
+    def _cleared_fronts(self, place: FloatArray, heading: float) -> tuple[FloatArray, float]:
+        """Cut along fronts until there is none; returns place and heading."""
+        most = MOST_LENGTH * (self._axis.region.area / self._settings.stepover + self._radius)
+        while self._fronts:
+            place, heading = self._next(place, heading)
+            if self._length > most:
+                raise PlanningError(
+                    f"cuts of {self._length:.6g} mm have not cleared the pocket",
+                    place=(float(self.peak[0]), float(self.peak[1])),
+                    remedy="take strategy offset, and report the drawing",
+                )
+        return place, heading
 
     def _worth_walking(self, start: FloatArray, end: FloatArray) -> Path | None:
         """A way at the floor between places of the drawing, where it is quicker than a retract."""
@@ -302,6 +315,13 @@ class AdaptivePocket:
         while rest:
             low, high = min(rest, key=lambda ends: math.dist(place, self._walls.points[ends[0]]))
             rest.remove((low, high))
+            path = self._walls.slice(low, high)
+            if path is None:
+                continue
+            first, last = self._past(path)
+            slot = last - first > MOST_PECKED * self._radius
+            if slot and not hop:
+                continue
             start = Start(low, self._walls.points[low], float(self._walls.heading[low]))
             link = self._returns.way(place, heading, start)
             if link is not None:
@@ -312,13 +332,40 @@ class AdaptivePocket:
                     whole = False
                     continue
                 self._land(place, landing, start)
-            path = self._walls.slice(low, high)
-            if path is not None:
-                self._stroke(StrokeKind.FEED, path, Role.CUT)
-                place, heading = path.end, float(self._walls.heading[high])
-                self._swept(path.sample(self._step)[0])
-                self._returns.update(self._fronts, self._left)
+            if slot:
+                message = (
+                    "what is left along the wall is cut in full width, past the engagement limit; "
+                    "a smaller tool may keep to it"
+                )
+                middle = self._walls.frame(path.point((first + last) / 2)[None])[0]
+                self.findings.append(_full_width(message, middle, last - first))
+                first = last
+            self._peck(path, first, last)
+            place, heading = path.end, float(self._walls.heading[high])
+            self._swept(path.sample(self._step)[0])
         return place, heading, whole
+
+    def _past(self, path: Path) -> tuple[float, float]:
+        """Between which lengths a way along the wall is past the limit, mm; zeros for nowhere."""
+        places, along = path.sample(self._step)
+        way = places[1:] - places[:-1]
+        heading = np.arctan2(way[:, 1], way[:, 0])
+        past = self._tracer.past(self._cleared.within, places[1:], heading, skin=PECK_SKIN)
+        rows = past.nonzero()[0]
+        return (float(along[rows[0]]), float(along[rows[-1] + 1])) if len(rows) else (0.0, 0.0)
+
+    def _peck(self, path: Path, first: float, last: float) -> None:
+        """Cut along the wall, from one length to another bit by bit and back each time, mm.
+
+        In the tips of sharp corners there is no room to swing from wall to wall.
+        """
+        here, bit, back = 0.0, PECK * self._radius, PECKED_BACK * self._radius
+        for goal in np.arange(first + bit, last - bit / 4, bit).tolist():
+            self._stroke(StrokeKind.FEED, path.slice(here, goal), Role.CUT)
+            here = max(goal - back, 0.0)
+            retreat = path.slice(here, goal).reversed()
+            self._stroke(StrokeKind.FEED, retreat, Role.LINK, air=True)
+        self._stroke(StrokeKind.FEED, path.slice(here, path.length), Role.CUT)
 
     def _tidied(self, place: FloatArray, heading: float) -> tuple[FloatArray, float]:
         """Corners near the tool, before it leaves for fronts far off; returns place and heading."""
@@ -338,11 +385,25 @@ class AdaptivePocket:
         return place, heading
 
     def _swept(self, centres: FloatArray) -> None:
-        """Take note of what a way of the tool has cleared, in what is left as well."""
+        """Take note of what a way along the wall has cleared: there may be stock on its left."""
         tree = cKDTree(centres, compact_nodes=False, balanced_tree=False)
+        nowhere = np.zeros(len(centres))
+        # its left is not along the wall
+        way = Cut([], centres[0], centres, nowhere, nowhere + INSIDE)
+        kept = self._fronts.outside(tree, self._radius * (1 - GRAZE), 4 * self._step)
+        self._note(tree, [*kept, *self._new_fronts(way, True, tree)])
+
+    def _note(self, tree: cKDTree, edges: Sequence[Front]) -> None:
+        """Bring cleared area and edges of the stock up to date: what is left of fronts, and new."""
+        self._cleared.add(np.asarray(tree.data))
+        whole: list[Front] = []
+        short: list[Front] = []
+        for front in edges:
+            (short if self._slight(front) else whole).append(front)
         bound, gap = self._radius * (1 - GRAZE), 4 * self._step
-        self._cleared.add(centres)
-        self._left = self._left.outside(tree, bound, gap)
+        self._left = self._left.outside(tree, bound, gap).plus(short)
+        self._fronts = Fronts(joined(whole, self._radius, self._step, self._walls.clearance))
+        self._returns.update(self._fronts, self._left)
 
     def _beyond(self) -> tuple[FloatArray, float] | None:
         """Where to enter again, and the room there: behind necks too narrow for a cut at the limit.
@@ -439,11 +500,12 @@ class AdaptivePocket:
 
     def _next(self, place: FloatArray, heading: float) -> tuple[FloatArray, float]:
         """Cut along the front that is best reached; returns place and heading at its end."""
-        starts = [start for front in self._fronts for start in self._starts_of(front)]
-        gaps = _distances(starts, place)
+        starts, gaps = self._all_starts(place)
         if min(gaps) > FAR * self._radius:
             place, heading = self._tidied(place, heading)
-            gaps = _distances(starts, place)
+            starts, gaps = self._all_starts(place)
+            if not starts:
+                return place, heading
         chosen, link, landing = self._best(place, heading, starts, gaps)
         index, start = chosen // len(self._senses), starts[chosen]
         if link is None and landing is None and gaps[chosen] > self._step:
@@ -452,10 +514,17 @@ class AdaptivePocket:
             return place, heading
         sense = self._senses[chosen % len(self._senses)]
         front, others = self._fronts[index], self._fronts.without(index)
-        cut = sense.cut(front.points, start, Surroundings(others.about, self._cleared.within))
+        cut = sense.cut(
+            front.points,
+            start,
+            Surroundings(others.plus(tuple(self._left)).about, self._cleared.within),
+        )
         if cut.begin is None:
             # nothing to cut there that a sample tells from nothing
             self._behead(index, sense)
+            return place, heading
+        if self._in_tip(cut, sense):
+            self._leave(index)
             return place, heading
         if link is not None:
             self._stroke(StrokeKind.FEED, link, Role.LINK, air=True)
@@ -463,6 +532,12 @@ class AdaptivePocket:
         elif landing is not None:
             place = self._land(place, landing, start)
         return self._take(cut, sense, Fronts([front]).plus(others), place)
+
+    def _all_starts(self, place: FloatArray) -> tuple[list[Start], list[float]]:
+        """Where cuts along all fronts begin, and how far that is from a place, mm."""
+        starts = [start for front in self._fronts for start in self._starts_of(front)]
+        here = place.tolist()
+        return starts, [math.dist(start.point.tolist(), here) for start in starts]
 
     def _give_up(self, index: int) -> None:
         """Leave a front to the wall pass."""
@@ -474,8 +549,25 @@ class AdaptivePocket:
             )
             place = self._walls.frame(front.points[len(front) // 2][None])[0]
             self.findings.append(_full_width(message, place, front.length))
-        self._left = self._left.plus([front])
+        self._leave(index)
+
+    def _leave(self, index: int) -> None:
+        """Leave a front to the ways along the walls."""
+        self._left = self._left.plus([self._fronts[index]])
         self._fronts = self._fronts.without(index)
+
+    def _in_tip(self, cut: Cut, sense: Sense) -> bool:
+        """Whether what is ahead of a cut is the tip of a sharp corner, too narrow for a swing."""
+        if length(cut.points) > TIP[0] * self._radius:
+            return False
+        walls = self._walls
+        # the walls round what is on the right of the cut run with it
+        ends = cut.points[[-1, 0] if sense.against else [0, -1]]
+        low, high = walls.nearest(ends[0]), walls.nearest(ends[1])
+        if walls.first[low] != walls.first[high] or walls.size(low, high) > TIP[1] * self._radius:
+            return False
+        turn = wrapped(float(walls.heading[high] - walls.heading[low]))
+        return bool(abs(turn) > TIP_TURN)
 
     def _landing(self, place: FloatArray, start: Start) -> FloatArray | None:
         """Where the tool is or can come down, with a straight way to the start of a cut.
@@ -575,14 +667,7 @@ class AdaptivePocket:
         self._steps.append(sense)
         self._cuts[sense].append(cut)
         tree, edges = self._edges(cut, sense, fronts)
-        bound, gap = self._radius * (1 - GRAZE), 4 * self._step
-        self._cleared.add(np.asarray(tree.data))
-        whole: list[Front] = []
-        short: list[Front] = []
-        for front in edges:
-            (short if self._slight(front) else whole).append(front)
-        self._left = self._left.outside(tree, bound, gap).plus(short)
-        self._fronts = Fronts(joined(whole, self._radius, self._step, self._walls.clearance))
+        self._note(tree, edges)
         self._advance(fronts[0], sense)
         self._returns.update(self._fronts, self._left)
         starts, spare = self._starts, self._spare
@@ -595,7 +680,7 @@ class AdaptivePocket:
         swept = densified(cut.points, self._step)
         tree = cKDTree(swept, compact_nodes=False, balanced_tree=False)
         kept = fronts.outside(tree, self._radius * (1 - GRAZE), 4 * self._step)
-        return tree, [*kept, *self._new_fronts(cut, sense, tree)]
+        return tree, [*kept, *self._new_fronts(cut, sense.against, tree)]
 
     def _advance(self, front: Front, sense: Sense) -> None:
         """Where a cut has left its front as it was, its head folds back: go on without it."""
@@ -652,9 +737,9 @@ class AdaptivePocket:
             near[rows] = self._walls.clearance(places[rows], 2 * most) <= most
         return np.asarray(near)
 
-    def _new_fronts(self, cut: Cut, sense: Sense, own: cKDTree) -> list[Front]:
+    def _new_fronts(self, cut: Cut, against: bool, own: cKDTree) -> list[Front]:
         """Edges of the stock that a cut leaves, the rim about its end included."""
-        edge, piece = sense.edge(cut.points, self._rimmed)
+        edge, piece = swept_side(cut.points, self._rimmed, against)
         last = len(cut.room) - 1
         # what lies in the swept area, however little, would go beside the edge, not on along it
         rim = ((piece < 0) | (piece == last)).nonzero()[0]

@@ -426,18 +426,18 @@ def _pulled(chain: FloatArray, inside: Holding, closed: bool) -> tuple[Path | No
     Also the number of the point where it ends: the last, or the first one without a way on.
     `closed` says whether the last point may lie on a ring, as the first may.
     """
-    kept = [chain[0]]
-    here, last = 0, len(chain) - 1
-    while here < last:
-        # the next point, those twice as far each, and the last
-        steps = [2**power for power in range((last - here).bit_length())]
-        ahead = here + np.array([*(step for step in steps if step < last - here), last - here])
-        starts = np.repeat(chain[here : here + 1], len(ahead), axis=0)
-        # all but the ends of the chain are places on the map
-        certain = (ahead < last) | (here > 0) | (not closed)
-        held = np.flatnonzero(inside.holds(starts, chain[ahead], certain=certain))
-        if not len(held):
-            break
-        here = int(ahead[held[-1]])
-        kept.append(chain[here])
-    return polyline(kept), here
+    last = len(chain) - 1
+    # from each point to the next, to those twice as far each, and to the last
+    steps = np.append(1 << np.arange((last - 1).bit_length()), last)
+    ahead = np.minimum(np.arange(last)[:, None] + steps, last)
+    row = np.arange(last).repeat(ahead.shape[1])
+    # all but the ends of the chain are places on the map
+    goal = ahead.ravel()
+    certain = (goal < last) | (row > 0) | (not closed)
+    held = inside.holds(chain[row], chain[goal], certain=certain).reshape(ahead.shape)
+    farthest = np.where(held, ahead, -1).max(axis=1).tolist()
+    kept, here = [0], 0
+    while here < last and farthest[here] > here:
+        here = farthest[here]
+        kept.append(here)
+    return polyline(chain[kept]), here

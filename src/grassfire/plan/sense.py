@@ -102,18 +102,6 @@ class Sense:
             return paths
         return [None if path is None else mirrored_path(path) for path in paths]
 
-    def edge(
-        self, points: FloatArray, swept: Callable[[FloatArray], tuple[FloatArray, IntArray]]
-    ) -> tuple[FloatArray, IntArray]:
-        """Edge of what was swept along a way of the frame, stock on its right, and its pieces.
-
-        `swept` makes it of a way with the stock on the right.
-        """
-        if not self.against:
-            return swept(points)
-        edge, piece = swept(mirrored(points))
-        return _image(edge), piece[::-1]
-
     def _cut(self, pieces: list[Piece]) -> Cut:
         begin = self._tracer.begin(pieces)
         if not pieces:
@@ -125,6 +113,21 @@ class Sense:
             return Cut(pieces, begin, points, heading, room)
         image = None if begin is None else mirrored(begin)
         return Cut(pieces, image, mirrored(points), -heading, room)
+
+
+def swept_side(
+    points: FloatArray,
+    swept: Callable[[FloatArray], tuple[FloatArray, IntArray]],
+    against: bool,
+) -> tuple[FloatArray, IntArray]:
+    """Edge of what was swept along a way of the frame, stock on its right, and its pieces.
+
+    `swept` makes it of a way with the stock on the right; `against` says that it is on the left.
+    """
+    if not against:
+        return swept(points)
+    found, piece = swept(mirrored(points))
+    return _image(found), piece[::-1]
 
 
 def _image(chain: FloatArray) -> FloatArray:

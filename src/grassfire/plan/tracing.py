@@ -514,21 +514,33 @@ class Tracer:
         # where a cut begins it can only go on
         ahead &= (row > 0) | bool(cut.pieces)
         rows = np.unique(row[ahead | ~found[row]])
-        engaged = self._engaged(cut.beside, place.take(rows, axis=0), heading.take(rows))
-        return np.asarray(rows[engaged > cut.limit + BESIDES])
+        # where one front has been cut away nearly, another one may be entered far ahead
+        past = self.past(
+            cut.beside.cleared, place.take(rows, axis=0), heading.take(rows), cut.limit
+        )
+        return np.asarray(rows[past])
 
-    def _engaged(self, beside: Surroundings, place: FloatArray, heading: FloatArray) -> FloatArray:
-        """(n,) how much of the front half of the rim is in stock, radians, whatever front that is.
+    def past(
+        self,
+        cleared: Callable[[FloatArray, float], BoolArray],
+        place: FloatArray,
+        heading: FloatArray,
+        limit: float | None = None,
+        skin: float = WALL_SKIN,
+    ) -> BoolArray:
+        """(n,) where the front half of the rim is in stock past a limit, whatever front that is of.
 
-        Where one front has been cut away nearly, another one may be entered far ahead.
+        `cleared` is that of `Surroundings`; without a limit, radians, it is the tracer's. Stock
+        nearer to the wall than `skin`, a part of the tool radius, is left out.
         """
         angle = np.arange(PROBES / 2, np.pi, PROBES)
         spoke = (1 + PROBED) * self._radius * unit(heading[:, None] - np.pi / 2 + angle)
         rim = (place[:, None] + spoke).reshape(-1, 2)
-        stock = ~beside.cleared(rim, self._radius)
+        stock = ~cleared(rim, self._radius)
         rows = stock.nonzero()[0]
-        stock[rows] = self._walls.off(rim.take(rows, axis=0), WALL_SKIN * self._radius)
-        return np.asarray(stock.reshape(-1, len(angle)).sum(axis=1) * PROBES)
+        stock[rows] = self._walls.off(rim.take(rows, axis=0), skin * self._radius)
+        engaged = stock.reshape(-1, len(angle)).sum(axis=1) * PROBES
+        return np.asarray(engaged > (self._limit if limit is None else limit) + BESIDES)
 
     def _slid(self, cut: _Cut, samples: IntArray) -> None:
         cut.pieces.append(
