@@ -74,6 +74,7 @@ def box(x0: float, y0: float, x1: float, y1: float) -> Loop:
 ELL = [(0, 0), (32, 0), (32, 14), (14, 14), (14, 30), (0, 30)]
 CROSS = [(3.6, 3.6), (24, 3.6), (24, -3.6), (3.6, -3.6), (3.6, -20), (-3.6, -20)]
 CROSS += [(-x, -y) for x, y in CROSS]
+SPIKE = [(0, 0), (20, 0), (44, 6.5), (20, 13), (0, 13)]
 DEAD_END = [(0, 0), (18, 0), (18, 6), (32, 6), (32, 12.3), (18, 12.3), (18, 20), (0, 20)]
 
 REGIONS: dict[str, Callable[[], Region]] = {
@@ -86,6 +87,7 @@ REGIONS: dict[str, Callable[[], Region]] = {
     "corridor": lambda: Region(box(0, 0, 40, 7.2), ()),
     "dead end": lambda: Region(Loop.from_points(DEAD_END), ()),
     "cross": lambda: Region(Loop.from_points(CROSS), ()),
+    "spike": lambda: Region(Loop.from_points(SPIKE), ()),
 }
 
 LEFT = 0.25
@@ -99,8 +101,10 @@ LONGEST_OVER = {
     ("corridor", 0.4): 0.5,
     ("dead end", 0.4): 0.6,
     ("cross", 0.4): 0.6,
+    ("spike", 0.4): 0.3,
     ("rectangle", 0.2): 0.2,
     ("corridor", 0.2): 0.6,
+    ("spike", 0.2): 0.4,
 }
 """Length for which the engagement may be more than 2 degrees above the limit, mm."""
 
@@ -664,6 +668,41 @@ def test_fronts_that_are_left_to_the_last_lap_are_told_of() -> None:
         pocket._give_up(0)
         assert not pocket._fronts and len(pocket._left) == 1 + told
         assert [finding.code for finding in pocket.findings] == ["full-width"] * told
+
+
+def test_tips_are_cut_bit_by_bit() -> None:
+    """Where there is no room to swing, each bit is followed by a way back over it."""
+    strokes, tip = planned("spike", 0.2), np.array([44.0, 6.5])
+    bits = [
+        (before.path.length, after.path)
+        for before, after in pairwise(strokes)
+        if before.role is Role.CUT and after.air and after.path.length < 0.1 * RADIUS
+        if np.hypot(*(after.path.start - tip)) < 20.0
+    ]
+    assert len(bits) >= 4
+    for length, back in bits[1:]:
+        assert length <= 0.12 * RADIUS and back.length <= 0.081 * RADIUS
+
+
+def test_ways_along_walls_leave_edges_of_the_stock_on_their_left() -> None:
+    """What a lap has passed by would else be taken for cleared, and links would go through it."""
+    pockets, _ = adaptive_pockets(medial_axis(REGIONS["rectangle"]()), settings_of())
+    (pocket,) = pockets
+    assert isinstance(pocket, AdaptivePocket)
+    place, heading = pocket._walls.points[0], float(pocket._walls.heading[0])
+    _, _, whole = pocket._cut_corners([(0, 40)], place, heading, False)
+    assert whole and not pocket._steps, "a slot is not for while the tool is on its way"
+    pocket._cut_corners([(0, 40)], place, heading, True)
+    assert [finding.code for finding in pocket.findings] == ["full-width"]
+    (front,) = pocket._fronts
+    along, off = pocket._walls.heading[20], pocket._walls.points[20]
+    beside = np.min(np.hypot(*(front.points - (off + RADIUS * unit(along + np.pi / 2))).T))
+    assert beside < 0.1
+    # the stock is on its right: beyond the edge
+    middle = len(front) // 2
+    ahead = front.points[middle + 1] - front.points[middle]
+    right = front.points[middle] + unit(float(np.arctan2(ahead[1], ahead[0])) - np.pi / 2)
+    assert pocket._walls.distance(right[None])[0] > RADIUS
 
 
 @settings(max_examples=100, deadline=None)

@@ -324,6 +324,23 @@ def test_rapid_into_a_cleared_hole_is_no_hit() -> None:
     assert kinds(result) == {"uncut"}
 
 
+def test_fast_moves_keep_to_what_is_cleared() -> None:
+    """A link through stock at its own feed breaks a tool; back over what was cut it is right."""
+    for first, fault in ((3000.0, True), (600.0, False)):
+        builder = ToolpathBuilder((20.0, 20.0, 5.0))
+        builder.line(20.0, 20.0, -2.0, 100.0)
+        builder.line(28.0, 20.0, -2.0, first)
+        builder.line(20.0, 20.0, -2.0, 3000.0)
+        result = judge(builder, target(entry="plunge", cutting_feed=600.0, max_feed=3000.0))
+        assert ("fast-cut" in kinds(result)) == fault
+    grazing = ToolpathBuilder((20.0, 20.0, 5.0))
+    grazing.line(20.0, 20.0, -2.0, 100.0)
+    grazing.line(28.0, 20.0, -2.0, 600.0)
+    grazing.line(28.0, 20.05, -2.0, 600.0)
+    grazing.line(20.0, 20.05, -2.0, 3000.0)
+    assert "fast-cut" not in kinds(judge(grazing, target(entry="plunge", cutting_feed=600.0)))
+
+
 @pytest.mark.parametrize(("entry", "fault"), [("helix", True), ("plunge", False)])
 def test_plunges(entry: str, fault: bool) -> None:
     builder = ToolpathBuilder((20.0, 20.0, 5.0))

@@ -369,6 +369,8 @@ def targets_of(job: Job, drawings: Sequence[Drawing]) -> tuple[Target, ...]:
                 stickout=tool.stickout,
                 holder_radius=_half(tool.holder_diameter),
                 # The post rounds feeds.
+                cutting_feed=1.001
+                * max(tool.feed * operation.chip_thinning_factor, tool.plunge_feed),
                 max_feed=1.001
                 * max(
                     tool.feed * operation.chip_thinning_factor,

@@ -47,6 +47,9 @@ _SLIVER = 0.5
 """Stock thicker than the stepdown may be met over so much area in an operation, mm2."""
 
 
+_SLIVER_WIDTH = 0.05
+"""Widest sliver that moves at raised feed may take along their way, as a part of the tool radius."""
+
 _POINT = 0.02
 """Positions of the tool within so much of each other are one place, mm: only a plunge enters it."""
 
@@ -141,6 +144,7 @@ class _Machining:
         self._grid = _grid_for(path, targets, tolerances.resolution, tolerances.max_cells)
         descent = path.begin[:, 2] - path.end[:, 2]
         self._steep = ~path.rapid & (np.arctan2(descent, path.planar) > tolerances.ramp_angle)
+        self._fast = ~path.rapid & (path.feed > per_move.cutting_feed)
         self._bodies = find_bodies(path, served, top)
         thickness = _thickness(
             path, targets, per_move.stepdown, top, tolerances.engagement_thickness
@@ -150,7 +154,7 @@ class _Machining:
             targets,
             self._grid,
             SweepSettings(top, tolerances.height, tolerances.uncut_height),
-            flagged=path.rapid | self._steep,
+            flagged=path.rapid | self._steep | self._fast,
             thickness=np.maximum(thickness, tolerances.height),
             stepdown=per_move.stepdown,
             bodies=self._bodies,
@@ -164,6 +168,7 @@ class _Machining:
         removal, top, grid, tolerances = self._removal, self._top, self._grid, self._tolerances
         plunging = self._steep & ~asked.may_plunge
         hit, found = _check_descents(path, removal, plunging, top, grid)
+        found += _check_fast(path, removal, self._fast & ~self._steep, grid)
         allowance = asked.radial_allowance
         found += check_bodies(path, self._bodies, removal.hits, targets, allowance, top)
         found += _check_load(path, removal, asked.engagement_limit + tolerances.engagement)
@@ -204,6 +209,7 @@ class _PerMove:
         self.stepdown = spread_over([min(limit(t.stepdown), limit(t.flute_length)) for t in served])
         self.engagement_limit = spread_over([limit(t.engagement_limit) for t in served])
         self.max_feed = spread_over([limit(t.max_feed) for t in served])
+        self.cutting_feed = spread_over([limit(t.cutting_feed) for t in served])
         self.may_plunge = spread_over([float(t.entry == "plunge") for t in served]) > 0
 
 
@@ -301,6 +307,19 @@ def _check_descents(
         lambda size: f"a descent of {size:.3f} mm through stock, too steep for a ramp",
     )
     return hit, faults
+
+
+def _check_fast(path: Path, removal: Removal, fast: BoolArray, grid: Grid) -> list[Fault]:
+    """Return faults of moves through cleared area at raised feed that cut more than slivers."""
+    spared = _SLIVER_WIDTH * path.tool_radius * (path.planar + path.tool_radius)
+    moves = np.flatnonzero(fast & (removal.removed > spared + 2 * grid.cell**2))
+    return report_moves(
+        "fast-cut",
+        path,
+        moves,
+        removal.removed[moves],
+        lambda size: f"a move faster than the feed of cuts takes {size:.3f} mm2 of stock",
+    )
 
 
 def _check_load(path: Path, removal: Removal, limits: FloatArray) -> list[Fault]:

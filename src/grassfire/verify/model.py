@@ -44,6 +44,8 @@ class Target:
         Largest engagement angle, degrees; not judged when None.
     max_feed : float, optional
         Largest feed of a move below the stock's top, mm/min; not judged when None.
+    cutting_feed : float, optional
+        Largest feed of a move through stock, mm/min; not judged when None.
     tool_number : int, optional
         The tool that the program has to have loaded; not judged when None.
     flute_length : float, optional
@@ -67,6 +69,7 @@ class Target:
     stepdown: float | None = None
     engagement_limit: float | None = None
     max_feed: float | None = None
+    cutting_feed: float | None = None
     tool_number: int | None = None
     flute_length: float | None = None
     shank_radius: float | None = None
@@ -173,7 +176,7 @@ class Fault:
     ----------
     kind : str
         Stable name: "gouge", "allowance", "floor", "axial-allowance", "uncut", "rapid-in-stock",
-        "rapid-low", "plunge", "stepdown", "engagement", "unknown-start", "spindle-off",
+        "rapid-low", "fast-cut", "plunge", "stepdown", "engagement", "unknown-start", "spindle-off",
         "no-feed", "feed", "wrong-tool", "nothing-cut", "arc-radius", "ends-in-stock", "travel",
         "rapid-height", "shank", "holder".
     line : int
