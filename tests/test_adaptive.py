@@ -680,8 +680,8 @@ def test_tips_are_cut_bit_by_bit() -> None:
         if np.hypot(*(after.path.start - tip)) < 20.0
     ]
     assert len(bits) >= 4
-    for length, back in bits[1:]:
-        assert length <= 0.12 * RADIUS and back.length <= 0.081 * RADIUS
+    for forth, back in bits[1:]:
+        assert forth <= 0.12 * RADIUS and back.length <= 0.081 * RADIUS
 
 
 def test_ways_along_walls_leave_edges_of_the_stock_on_their_left() -> None:

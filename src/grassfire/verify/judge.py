@@ -48,7 +48,7 @@ _SLIVER = 0.5
 
 
 _SLIVER_WIDTH = 0.05
-"""Widest sliver that moves at raised feed may take along their way, as a part of the tool radius."""
+"""Widest sliver that moves at raised feed may take on their way, as a part of the tool radius."""
 
 _POINT = 0.02
 """Positions of the tool within so much of each other are one place, mm: only a plunge enters it."""
