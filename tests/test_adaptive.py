@@ -664,9 +664,9 @@ def test_fronts_that_are_left_to_the_last_lap_are_told_of() -> None:
     along = np.arange(0.0, 8.0, 0.15)
     front = Front(np.stack([along, np.zeros(len(along))], axis=1))
     for size, told in ((8, 0), (len(along), 1)):
-        pocket._fronts = Fronts([Front(front.points[:size])])
+        pocket._stock.fronts = Fronts([Front(front.points[:size])])
         pocket._give_up(0)
-        assert not pocket._fronts and len(pocket._left) == 1 + told
+        assert not pocket._stock.fronts and len(pocket._stock.left) == 1 + told
         assert [finding.code for finding in pocket.findings] == ["full-width"] * told
 
 
@@ -694,7 +694,7 @@ def test_ways_along_walls_leave_edges_of_the_stock_on_their_left() -> None:
     assert whole and not pocket._steps, "a slot is not for while the tool is on its way"
     pocket._cut_corners([(0, 40)], place, heading, True)
     assert [finding.code for finding in pocket.findings] == ["full-width"]
-    (front,) = pocket._fronts
+    (front,) = pocket._stock.fronts
     along, off = pocket._walls.heading[20], pocket._walls.points[20]
     beside = np.min(np.hypot(*(front.points - (off + RADIUS * unit(along + np.pi / 2))).T))
     assert beside < 0.1

@@ -11,12 +11,10 @@ divide fronts; behind them fronts meet and eat up what is left between them.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from grassfire.errors import PlanningError
 from grassfire.medial import MedialAxis
@@ -24,28 +22,21 @@ from grassfire.plan import entry
 from grassfire.plan.chains import Writer
 from grassfire.plan.fronts import (
     GRAZE,
-    SHORTEST,
     WALL_SKIN,
-    Disks,
     Front,
     Fronts,
     box,
-    densified,
-    direction,
-    joined,
     length,
-    reached,
     runs,
-    swept_edge,
-    touched,
 )
 from grassfire.plan.link import straight
 from grassfire.plan.offset import offset_pockets
-from grassfire.plan.path import BoolArray, IntArray, Path
+from grassfire.plan.path import Path
 from grassfire.plan.pursuit import unit, wrapped
 from grassfire.plan.returns import ROOM, Returns
 from grassfire.plan.rings import Component, components
-from grassfire.plan.sense import Cut, Sense, swept_side
+from grassfire.plan.sense import Cut, Sense
+from grassfire.plan.stock import ALLOWANCE, Stock
 from grassfire.plan.strategy import ClearingSettings, PocketPlan
 from grassfire.plan.strokes import Stroke, StrokeKind
 from grassfire.plan.tracing import (
@@ -81,37 +72,19 @@ LIGHT = 0.28
 LAP = 0.5
 """Room that the first lap round the helix takes, as a part of the tool radius."""
 
-INSIDE = 1e-6
-"""How far the rim at an end of a cut is inside what it swept to be no edge, in tool radii."""
-
 LANDINGS = 40
 """Cleared places that are tried for coming down near the start of a cut."""
 
-BESIDE = 8
-"""Wall samples before and after what is left at a wall that are cut with it."""
-
 GRAZING = 0.1
 """How deep the way to a cut may bite in narrow places, as a part of the tool radius."""
-
-ALLOWANCE, CUSP = 0.02, 0.06
-"""Thickest stock left to the last lap round the wall, and thickest cusp, as parts of the radius."""
 
 CRESCENT, SHARE = 0.15, 0.6
 """Thickest stock that the last turn of the opening spiral may leave to the last lap, as a part of
 the tool radius; and how much that may be over all depths, as a part of what a clearing cut takes.
 Where the spiral comes to the wall all round, this turn would take ever less."""
 
-FILM = 6e-3
-"""Thickest film that stays on walls without a finishing pass, mm."""
-
 FAR = 4.0
 """Fronts further off than that many tool radii are taken after corners near the tool."""
-
-HEAD = 8
-"""Points at the start of a front that are left where no cut along it begins there."""
-
-TAIL = 1000
-"""Most points at the end of a front that may be left."""
 
 PECK, PECKED_BACK, MOST_PECKED = 0.03, 0.08, 1.0
 """Bits in which the tool cuts along a wall where it is past the limit, how far it goes back after
@@ -211,16 +184,12 @@ class AdaptivePocket:
             Sense(tracer, Writer(own, self._radius, self._step), own is not self._walls)
             for tracer, own in zip(tracers, walls, strict=True)
         ]
-        self._returns = Returns(axis, self._walls, settings.wall, self._radius)
-        self._cleared = Disks()
-        self._fronts = Fronts()
-        self._left = Fronts()
+        self._stock = Stock(self._walls, self._radius, self._step)
+        self._returns = Returns(axis, self._walls, self._stock, self._radius)
         light = SHARE * settings.stepover / (settings.passes * self._radius)
         self._thickest = max(ALLOWANCE, min(CRESCENT, light)) if settings.finish else ALLOWANCE
         self._length = 0.0
         self._starts: dict[Front, list[Start]] = {}
-        self._spare: dict[Front, bool] = {}
-        self._crescent = np.zeros(len(self._walls.points), dtype=bool)
         self._steps: list[Stroke | Sense] = []
         self._cuts: dict[Sense, list[Cut]] = {sense: [] for sense in self._senses}
         self.peak = part.peak
@@ -233,21 +202,21 @@ class AdaptivePocket:
         entry_place: tuple[FloatArray, float] | None = self._middle()
         while entry_place is not None:
             place, heading = self._enter(*entry_place)
-            place, heading = self._cleared_fronts(place, heading)
+            place, heading = self._cut_fronts(place, heading)
             entry_place = self._beyond()
-        settings = self._settings
+        settings, stock = self._settings, self._stock
         lap = False
         while not lap:
-            corners = self._corners(self._left) if settings.finish else self._unswept()
+            corners = stock.corners(stock.left) if settings.finish else stock.unswept()
             # each is worth its length and a way there; many of them are a lap
             cost = sum(self._walls.size(low, high) + 3 * self._radius for low, high in corners)
             lap = cost > 0.6 * sum(ring.length for ring in self._part.rings)
             if not lap:
                 place, heading, whole = self._cut_corners(corners, place, heading, True)
                 lap = not whole
-            if not self._fronts:
+            if not stock.fronts:
                 break
-            place, heading = self._cleared_fronts(place, heading)
+            place, heading = self._cut_fronts(place, heading)
         self.strokes = self._written()
         rings = [ring if settings.climb else ring.reversed() for ring in self._part.rings]
         here = self._walls.frame(place[None])[0]
@@ -263,10 +232,10 @@ class AdaptivePocket:
         self.strokes[0] = replace(first, approach=self._returns.across(end, first.path.start))
         return np.asarray(here)
 
-    def _cleared_fronts(self, place: FloatArray, heading: float) -> tuple[FloatArray, float]:
+    def _cut_fronts(self, place: FloatArray, heading: float) -> tuple[FloatArray, float]:
         """Cut along fronts until there is none; returns place and heading."""
         most = MOST_LENGTH * (self._axis.region.area / self._settings.stepover + self._radius)
-        while self._fronts:
+        while self._stock.fronts:
             place, heading = self._next(place, heading)
             if self._length > most:
                 raise PlanningError(
@@ -282,26 +251,6 @@ class AdaptivePocket:
         way = self._returns.across(start, end)
         most = settings.longest_walk + settings.link_speed * float(np.hypot(*(end - start)))
         return way if way is not None and way.length <= most else None
-
-    def _corners(self, pieces: Sequence[Front]) -> list[tuple[int, int]]:
-        """Stretches of the walls where more is left than the last lap takes over all depths.
-
-        First and last samples of each, for the given edges of what is left.
-        """
-        near = np.zeros(len(self._walls.points), dtype=bool)
-        for short, allowance in ((False, ALLOWANCE), (True, CUSP)):
-            for it in pieces:
-                if (it.length <= SHORTEST * self._radius) == short:
-                    near[touched(self._walls.points, it, self._radius * (1 - allowance))] = True
-        near &= ~self._crescent
-        return self._walls.stretches(near, BESIDE) if near.any() else []
-
-    def _unswept(self) -> list[tuple[int, int]]:
-        """Stretches of the walls where cuts have left a film, first and last samples of each."""
-        walls, wall = self._walls, self._settings.wall
-        reach = walls.points + wall * unit(walls.heading - np.pi / 2)
-        film = ~self._cleared.within(reach, wall + FILM)
-        return walls.stretches(film, BESIDE) if film.any() else []
 
     def _cut_corners(
         self, corners: list[tuple[int, int]], place: FloatArray, heading: float, hop: bool
@@ -342,7 +291,7 @@ class AdaptivePocket:
                 first = last
             self._peck(path, first, last)
             place, heading = path.end, float(self._walls.heading[high])
-            self._swept(path.sample(self._step)[0])
+            self._stock.passed_by(path.sample(self._step)[0])
         return place, heading, whole
 
     def _past(self, path: Path) -> tuple[float, float]:
@@ -350,7 +299,7 @@ class AdaptivePocket:
         places, along = path.sample(self._step)
         way = places[1:] - places[:-1]
         heading = np.arctan2(way[:, 1], way[:, 0])
-        past = self._tracer.past(self._cleared.within, places[1:], heading, skin=PECK_SKIN)
+        past = self._tracer.past(self._stock.cleared.within, places[1:], heading, skin=PECK_SKIN)
         rows = past.nonzero()[0]
         return (float(along[rows[0]]), float(along[rows[-1] + 1])) if len(rows) else (0.0, 0.0)
 
@@ -372,38 +321,17 @@ class AdaptivePocket:
         if not self._settings.finish:
             return place, heading
         near = 3 * self._radius
-        pieces = self._left.near(box(place[None]), near)
+        pieces = self._stock.left.near(box(place[None]), near)
         pieces = [it for it in pieces if np.hypot(*(it.points - place).T).min() <= near]
         if not pieces:
             return place, heading
         alone = []
-        for low, high in self._corners(pieces):
+        for low, high in self._stock.corners(pieces):
             stretch = self._walls.ahead(low, self._walls.steps(low, high) + 1)
-            if not self._fronts.within(self._walls.points[stretch], self._radius).any():
+            if not self._stock.fronts.within(self._walls.points[stretch], self._radius).any():
                 alone.append((low, high))
         place, heading, _ = self._cut_corners(alone, place, heading, False)
         return place, heading
-
-    def _swept(self, centres: FloatArray) -> None:
-        """Take note of what a way along the wall has cleared: there may be stock on its left."""
-        tree = cKDTree(centres, compact_nodes=False, balanced_tree=False)
-        nowhere = np.zeros(len(centres))
-        # its left is not along the wall
-        way = Cut([], centres[0], centres, nowhere, nowhere + INSIDE)
-        kept = self._fronts.outside(tree, self._radius * (1 - GRAZE), 4 * self._step)
-        self._note(tree, [*kept, *self._new_fronts(way, True, tree)])
-
-    def _note(self, tree: cKDTree, edges: Sequence[Front]) -> None:
-        """Bring cleared area and edges of the stock up to date: what is left of fronts, and new."""
-        self._cleared.add(np.asarray(tree.data))
-        whole: list[Front] = []
-        short: list[Front] = []
-        for front in edges:
-            (short if self._slight(front) else whole).append(front)
-        bound, gap = self._radius * (1 - GRAZE), 4 * self._step
-        self._left = self._left.outside(tree, bound, gap).plus(short)
-        self._fronts = Fronts(joined(whole, self._radius, self._step, self._walls.clearance))
-        self._returns.update(self._fronts, self._left)
 
     def _beyond(self) -> tuple[FloatArray, float] | None:
         """Where to enter again, and the room there: behind necks too narrow for a cut at the limit.
@@ -414,7 +342,7 @@ class AdaptivePocket:
         room = np.where(road.component(wall, self.peak), road.radius - wall, -np.inf)
         reach = self._radius * (1 + GRAZE)
         rows = np.flatnonzero(room > -np.inf)
-        stock = rows[~self._cleared.within(self._walls.frame(road.points[rows]), reach)]
+        stock = rows[~self._stock.cleared.within(self._walls.frame(road.points[rows]), reach)]
         if not len(stock):
             return None
         widest = int(stock[np.argmax(room[stock])])
@@ -440,13 +368,12 @@ class AdaptivePocket:
         way = entry.helix(centre, start, self._settings.drop, slope, 1)
         self._stroke(StrokeKind.DESCEND, way.down, Role.ENTRY)
         self._stroke(StrokeKind.FEED, way.flat, Role.ENTRY)
-        self._cleared.add(centre + helix * unit(angle[:-1]))
+        self._stock.cleared.add(centre + helix * unit(angle[:-1]))
         if not stock.all():
             # the walls break the front at once: begun where one does, its parts are whole
             turn = int(np.argmin(stock))
             chain, stock = np.roll(front[:-1], -turn, axis=0), np.roll(stock[:-1], -turn)
-            self._fronts = Fronts(Front(part) for part in runs(chain, stock, 4 * self._step))
-            self._returns.update(self._fronts, self._left)
+            self._stock.fronts = Fronts(Front(part) for part in runs(chain, stock, 4 * self._step))
             return start, float(np.arctan2(outwards[1], outwards[0]) + np.pi / 2)
         return self._spiral(front, room, start)
 
@@ -455,23 +382,22 @@ class AdaptivePocket:
     ) -> tuple[FloatArray, float]:
         """The opening cut from a closed front outwards; returns place and heading."""
         sense, fronts, thick = self._senses[0], Fronts([Front(front)]), self._thickest
-        cut = sense.spiral(front, room, partial(self._tail, allowance=ALLOWANCE))
+        cut = sense.spiral(front, room, partial(self._stock.tail, allowance=ALLOWANCE))
         if cut.begin is None:
             raise PlanningError(
                 "no cut fits round the helix",
                 place=(float(self.peak[0]), float(self.peak[1])),
                 remedy="take a smaller tool or strategy offset",
             )
-        alone = thick > ALLOWANCE and all(map(self._slight, self._edges(cut, sense, fronts)[1]))
+        alone = thick > ALLOWANCE and all(
+            map(self._stock.slight, self._stock.edges(cut, sense.against, fronts)[1])
+        )
         if alone:
             # it comes to the wall all round and clears everything: its last turn may be cut short
-            cut = sense.spiral(front, room, partial(self._tail, allowance=thick))
+            cut = sense.spiral(front, room, partial(self._stock.tail, allowance=thick))
         found = self._take(cut, sense, fronts, start)
         if alone:
-            for it in self._fronts:
-                self._crescent[touched(self._walls.points, it, self._radius)] = True
-            self._left, self._fronts = self._left.plus(self._fronts), Fronts()
-            self._returns.update(self._fronts, self._left)
+            self._stock.spare()
         return found
 
     def _middle(self) -> tuple[FloatArray, float]:
@@ -513,18 +439,18 @@ class AdaptivePocket:
             self._give_up(index)
             return place, heading
         sense = self._senses[chosen % len(self._senses)]
-        front, others = self._fronts[index], self._fronts.without(index)
+        front, others = self._stock.fronts[index], self._stock.fronts.without(index)
         cut = sense.cut(
             front.points,
             start,
-            Surroundings(others.plus(tuple(self._left)).about, self._cleared.within),
+            Surroundings(others.plus(tuple(self._stock.left)).about, self._stock.cleared.within),
         )
         if cut.begin is None:
             # nothing to cut there that a sample tells from nothing
-            self._behead(index, sense)
+            self._stock.behead(index, sense.against)
             return place, heading
         if self._in_tip(cut, sense):
-            self._leave(index)
+            self._stock.leave(index)
             return place, heading
         if link is not None:
             self._stroke(StrokeKind.FEED, link, Role.LINK, air=True)
@@ -535,13 +461,13 @@ class AdaptivePocket:
 
     def _all_starts(self, place: FloatArray) -> tuple[list[Start], list[float]]:
         """Where cuts along all fronts begin, and how far that is from a place, mm."""
-        starts = [start for front in self._fronts for start in self._starts_of(front)]
+        starts = [start for front in self._stock.fronts for start in self._starts_of(front)]
         here = place.tolist()
         return starts, [math.dist(start.point.tolist(), here) for start in starts]
 
     def _give_up(self, index: int) -> None:
         """Leave a front to the wall pass."""
-        front = self._fronts[index]
+        front = self._stock.fronts[index]
         if front.length > self._radius:
             message = (
                 "what is left here is cut in full width, past the engagement limit: the tool "
@@ -549,12 +475,7 @@ class AdaptivePocket:
             )
             place = self._walls.frame(front.points[len(front) // 2][None])[0]
             self.findings.append(_full_width(message, place, front.length))
-        self._leave(index)
-
-    def _leave(self, index: int) -> None:
-        """Leave a front to the ways along the walls."""
-        self._left = self._left.plus([self._fronts[index]])
-        self._fronts = self._fronts.without(index)
+        self._stock.leave(index)
 
     def _in_tip(self, cut: Cut, sense: Sense) -> bool:
         """Whether what is ahead of a cut is the tip of a sharp corner, too narrow for a swing."""
@@ -575,7 +496,7 @@ class AdaptivePocket:
         In narrow places the way may graze stock, at a small part of the engagement allowed.
         """
         # only where the tool has been is certain to be cleared
-        near = self._cleared.nearest(start.point, LANDINGS)
+        near = self._stock.cleared.nearest(start.point, LANDINGS)
         at_start = np.hypot(*(near[0] - start.point)) <= GRAZING * self._radius
         if at_start and self._returns.free(start.point[None])[0]:
             return np.asarray(near[0])
@@ -666,108 +587,9 @@ class AdaptivePocket:
             self._stroke(StrokeKind.FEED, way, Role.CUT)
         self._steps.append(sense)
         self._cuts[sense].append(cut)
-        tree, edges = self._edges(cut, sense, fronts)
-        self._note(tree, edges)
-        self._advance(fronts[0], sense)
-        self._returns.update(self._fronts, self._left)
-        starts, spare = self._starts, self._spare
-        self._starts = {front: starts[front] for front in self._fronts if front in starts}
-        self._spare = {front: spare[front] for front in self._fronts if front in spare}
+        tree, edges = self._stock.edges(cut, sense.against, fronts)
+        self._stock.note(tree, edges)
+        self._stock.advance(fronts[0], sense.against)
+        starts = self._starts
+        self._starts = {front: starts[front] for front in self._stock.fronts if front in starts}
         return cut.points[-1], float(cut.heading[-1])
-
-    def _edges(self, cut: Cut, sense: Sense, fronts: Fronts) -> tuple[cKDTree, list[Front]]:
-        """Centres of a cut, and what it leaves of fronts, with the edges that it makes."""
-        swept = densified(cut.points, self._step)
-        tree = cKDTree(swept, compact_nodes=False, balanced_tree=False)
-        kept = fronts.outside(tree, self._radius * (1 - GRAZE), 4 * self._step)
-        return tree, [*kept, *self._new_fronts(cut, sense.against, tree)]
-
-    def _advance(self, front: Front, sense: Sense) -> None:
-        """Where a cut has left its front as it was, its head folds back: go on without it."""
-        near, size = self._step / 2, front.length
-        for index, other in enumerate(self._fronts):
-            if abs(other.length - size) >= 2 * near:
-                continue
-            if np.hypot(*(other.points[[0, -1]] - front.points[[0, -1]]).T).max() < near:
-                self._behead(index, sense)
-                return
-
-    def _behead(self, index: int, sense: Sense) -> None:
-        """Leave the head of a front, where no cut begins, to the wall pass; the rest is a front."""
-        points = self._fronts[index].points
-        head, rest = points[: HEAD + 2], points[HEAD:]
-        if sense.against:
-            head, rest = points[-HEAD - 2 :], points[:-HEAD]
-        self._left = self._left.plus([Front(head)])
-        others = self._fronts.without(index)
-        self._fronts = others.plus([Front(rest)]) if len(rest) > 2 else others
-
-    def _slight(self, front: Front) -> bool:
-        """Whether a front is short or can be left, with what is behind it, to the last lap."""
-        known = self._spare.get(front)
-        if known is None:
-            known = len(front) <= 2 or front.length <= SHORTEST * self._radius
-            if not known:
-                # a few places tell nearly always
-                few = front.points[:: max(1, len(front) // 8)]
-                known = bool(
-                    self._spared(few, ALLOWANCE).all()
-                    and self._spared(front.points, ALLOWANCE).all()
-                )
-            self._spare[front] = known
-        return known
-
-    def _tail(self, front: FloatArray, allowance: float) -> int:
-        """How many last points of a front are so near to the wall that the last lap takes them."""
-        tail = front[-TAIL:]
-        # a little less: the end of a cut leaves up to a sample more
-        spared = self._spared(tail, 0.9 * allowance)
-        return len(tail) if spared.all() else int(np.argmin(spared[::-1]))
-
-    def _spared(self, places: FloatArray, allowance: float) -> BoolArray:
-        """Where the edge of the stock is so near to the wall that the last lap takes what is left.
-
-        There the tool at the wall reaches the edge, and is not far into the stock.
-        """
-        least, most = self._radius * (1 - allowance), self._radius * (1 + allowance)
-        gap = self._walls.distance(places)
-        near = (gap >= least) & (gap <= most)
-        rows = near.nonzero()[0]
-        if len(rows):
-            near[rows] = self._walls.clearance(places[rows], 2 * most) <= most
-        return np.asarray(near)
-
-    def _new_fronts(self, cut: Cut, against: bool, own: cKDTree) -> list[Front]:
-        """Edges of the stock that a cut leaves, the rim about its end included."""
-        edge, piece = swept_side(cut.points, self._rimmed, against)
-        last = len(cut.room) - 1
-        # what lies in the swept area, however little, would go beside the edge, not on along it
-        rim = ((piece < 0) | (piece == last)).nonzero()[0]
-        inner = rim[reached(own, edge.take(rim, axis=0), self._radius * (1 - INSIDE))]
-        edge, piece = np.delete(edge, inner, axis=0), np.delete(piece, inner)
-        low = cut.room.take(np.maximum(piece, 0))
-        high = cut.room.take(np.minimum(piece + 1, last))
-        stock = (piece < 0) | (piece == last) | (low > 0) | (high > 0)
-        rows = stock.nonzero()[0]
-        rows = rows[~reached(own, edge.take(rows, axis=0), self._radius * (1 - GRAZE))]
-        old = self._cleared.within(edge.take(rows, axis=0), self._radius * (1 + GRAZE / 4))
-        stock[:] = False
-        stock[rows[~old]] = True
-        # where the wall is nearer to the edge than that, it is near the tool as well
-        skin = WALL_SKIN * self._radius
-        rows = (stock & (np.minimum(low, high) < skin)).nonzero()[0]
-        stock[rows] = self._walls.off(edge.take(rows, axis=0), skin)
-        return [Front(part) for part in runs(edge, stock, 4 * self._step)]
-
-    def _rimmed(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
-        """Right edge of what is swept, with the rim before and after; -1 and the last are these."""
-        edge, piece = swept_edge(points, self._radius, self._step)
-        # all round the ends: what is cleared there falls out
-        before = direction(points[:2]) + np.arange(-np.pi, 0.0, SAMPLING)
-        after = direction(points[-2:]) + np.arange(-0.6, np.pi + 0.6, SAMPLING)
-        rims = [
-            points[end] + self._radius * unit(angle - np.pi / 2)
-            for end, angle in ((0, before), (-1, after))
-        ]
-        owner = [np.full(len(before), -1), piece, np.full(len(after), len(points) - 1)]
-        return np.concatenate([rims[0], edge, rims[1]]), np.concatenate(owner)

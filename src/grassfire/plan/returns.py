@@ -15,6 +15,7 @@ from grassfire.plan.path import BoolArray, IntArray, Path, join, turned
 from grassfire.plan.pursuit import wrapped
 from grassfire.plan.roadmap import RoadMap, tightened
 from grassfire.plan.smooth import rounded, tangent_link, two_arcs
+from grassfire.plan.stock import Stock
 from grassfire.plan.tracing import Start
 from grassfire.plan.walls import Walls
 from grassfire.toolpath import FloatArray
@@ -61,21 +62,19 @@ class Returns:
     ----------
     axis : MedialAxis
     walls : Walls
-    wall, radius : float
-        Least distance of the centre from the boundary, tool radius, mm.
+    stock : Stock
+        Looked at whenever a way is asked for.
+    radius : float
+        Of the tool, mm.
     """
 
-    def __init__(self, axis: MedialAxis, walls: Walls, wall: float, radius: float) -> None:
+    def __init__(self, axis: MedialAxis, walls: Walls, stock: Stock, radius: float) -> None:
         self._axis = axis
         self._walls = walls
-        self._wall = wall
+        self._wall = walls.wall
         self._radius = radius
-        self._stock: list[tuple[Fronts, float]] = []
+        self._stock = stock
         self._near_map: dict[tuple[Front, float], IntArray] = {}
-
-    def update(self, fronts: Fronts, left: Fronts) -> None:
-        """Take note of the edges of the stock and of slivers that are left, in the frame."""
-        self._stock = [(fronts, ROOM), (left, SLIVER)]
 
     def way(self, place: FloatArray, heading: float, start: Start) -> Path | None:
         """From a place and heading to the start of a cut, in the frame of the walls; or None."""
@@ -221,7 +220,7 @@ class Returns:
         places, roomy = self._places
         known, self._near_map = self._near_map, {}
         result = roomy.copy()
-        for edges, least in self._stock:
+        for edges, least in self._edges():
             for front in edges:
                 rows = known.get((front, least))
                 if rows is None:
@@ -229,6 +228,10 @@ class Returns:
                 self._near_map[front, least] = rows
                 result[rows] = False
         return result
+
+    def _edges(self) -> tuple[tuple[Fronts, float], ...]:
+        """Edges of the stock, and how much nearer to them than its radius the tool may come."""
+        return (self._stock.fronts, ROOM), (self._stock.left, SLIVER)
 
     def _probes(self, ways: Sequence[Path]) -> tuple[FloatArray, IntArray]:
         """Places on ways, both ends among them, and the first one of each way.
@@ -277,7 +280,7 @@ class Returns:
         places = places.take(rows, axis=0)
         around = box(places)
         near = []
-        for edges, least in self._stock:
+        for edges, least in self._edges():
             reach = self._radius * (1 - max(bite, least))
             near += [(front, reach) for front in edges.near(around, reach)]
         good[rows[touching(places, around, near)]] = False
