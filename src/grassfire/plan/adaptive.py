@@ -11,6 +11,7 @@ divide fronts; behind them fronts meet and eat up what is left between them.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -205,15 +206,15 @@ class AdaptivePocket:
             place, heading = self._cut_fronts(place, heading)
             entry_place = self._beyond()
         settings, stock = self._settings, self._stock
-        lap = False
-        while not lap:
+        while True:
             corners = stock.corners(stock.left) if settings.finish else stock.unswept()
             # each is worth its length and a way there; many of them are a lap
             cost = sum(self._walls.size(low, high) + 3 * self._radius for low, high in corners)
             lap = cost > 0.6 * sum(ring.length for ring in self._part.rings)
-            if not lap:
-                place, heading, whole = self._cut_corners(corners, place, heading, True)
-                lap = not whole
+            if lap:
+                corners = [ends for ends in corners if self._past(self._walls.slice(*ends))]
+            place, heading, whole = self._cut_corners(corners, place, heading, True)
+            lap |= not whole
             if not stock.fronts:
                 break
             place, heading = self._cut_fronts(place, heading)
@@ -267,9 +268,9 @@ class AdaptivePocket:
             path = self._walls.slice(low, high)
             if path is None:
                 continue
-            first, last = self._past(path)
-            slot = last - first > MOST_PECKED * self._radius
-            if slot and not hop:
+            past = self._past(path)
+            slots = [ends for ends in past if ends[1] - ends[0] > MOST_PECKED * self._radius]
+            if slots and not hop:
                 continue
             start = Start(low, self._walls.points[low], float(self._walls.heading[low]))
             link = self._returns.way(place, heading, start)
@@ -281,39 +282,41 @@ class AdaptivePocket:
                     whole = False
                     continue
                 self._land(place, landing, start)
-            if slot:
+            for first, last in slots:
                 message = (
                     "what is left along the wall is cut in full width, past the engagement limit; "
                     "a smaller tool may keep to it"
                 )
                 middle = self._walls.frame(path.point((first + last) / 2)[None])[0]
                 self.findings.append(_full_width(message, middle, last - first))
-                first = last
-            self._peck(path, first, last)
+            self._peck(path, [ends for ends in past if ends not in slots])
             place, heading = path.end, float(self._walls.heading[high])
             self._stock.passed_by(path.sample(self._step)[0])
         return place, heading, whole
 
-    def _past(self, path: Path) -> tuple[float, float]:
-        """Between which lengths a way along the wall is past the limit, mm; zeros for nowhere."""
+    def _past(self, path: Path | None) -> list[tuple[float, float]]:
+        """Lengths between which a way along the wall is past the limit, mm."""
+        if path is None:
+            return []
         places, along = path.sample(self._step)
         way = places[1:] - places[:-1]
         heading = np.arctan2(way[:, 1], way[:, 0])
         past = self._tracer.past(self._stock.cleared.within, places[1:], heading, skin=PECK_SKIN)
-        rows = past.nonzero()[0]
-        return (float(along[rows[0]]), float(along[rows[-1] + 1])) if len(rows) else (0.0, 0.0)
+        edges = np.diff(past.astype(np.int8), prepend=0, append=0).nonzero()[0].reshape(-1, 2)
+        return [(float(along[first]), float(along[last])) for first, last in edges.tolist()]
 
-    def _peck(self, path: Path, first: float, last: float) -> None:
-        """Cut along the wall, from one length to another bit by bit and back each time, mm.
+    def _peck(self, path: Path, past: Sequence[tuple[float, float]]) -> None:
+        """Cut along the wall, between some lengths bit by bit and back each time, mm.
 
         In the tips of sharp corners there is no room to swing from wall to wall.
         """
         here, bit, back = 0.0, PECK * self._radius, PECKED_BACK * self._radius
-        for goal in np.arange(first + bit, last - bit / 4, bit).tolist():
-            self._stroke(StrokeKind.FEED, path.slice(here, goal), Role.CUT)
-            here = max(goal - back, 0.0)
-            retreat = path.slice(here, goal).reversed()
-            self._stroke(StrokeKind.FEED, retreat, Role.LINK, air=True)
+        for first, last in past:
+            for goal in np.arange(first + bit, last - bit / 4, bit).tolist():
+                self._stroke(StrokeKind.FEED, path.slice(here, goal), Role.CUT)
+                here = max(goal - back, 0.0)
+                retreat = path.slice(here, goal).reversed()
+                self._stroke(StrokeKind.FEED, retreat, Role.LINK, air=True)
         self._stroke(StrokeKind.FEED, path.slice(here, path.length), Role.CUT)
 
     def _tidied(self, place: FloatArray, heading: float) -> tuple[FloatArray, float]:

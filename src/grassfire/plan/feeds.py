@@ -13,6 +13,9 @@ from grassfire.toolpath import FloatArray, Role
 LEAST_FACTOR = 0.25
 """Inside arcs are never slowed below this part of the feed."""
 
+LEAST_SLOWING = 0.025
+"""Inside arcs whose chips would be thicker by less than this part keep the feed."""
+
 
 @dataclass(frozen=True)
 class Feeds:
@@ -92,7 +95,8 @@ class Feeds:
         A chip is thickest where the tool enters or leaves the stock: feed per tooth times
         sin(engagement), up to a right angle. A straight cut of width a engages e with
         cos e = 1 - a / R; on an inside arc of radius r, in stock up to r + R - a from its
-        centre, it is cos e = 1 - (a / R) (r + R - a / 2) / r: more. Not below `LEAST_FACTOR`.
+        centre, it is cos e = 1 - (a / R) (r + R - a / 2) / r: more. Not below `LEAST_FACTOR`, and 1
+        where it would be nearly that.
         """
         concave = path.sweep * self.inside > 0
         radius = np.where(concave, path.radius, 1.0)
@@ -101,7 +105,8 @@ class Feeds:
         straight, arc = (
             np.sqrt(1 - (1 - np.minimum(value, 1.0)) ** 2) for value in (np.asarray(share), wider)
         )
-        return np.where(concave, np.clip(straight / arc, LEAST_FACTOR, 1.0), 1.0)
+        slowed = concave & (straight < (1 - LEAST_SLOWING) * arc)
+        return np.where(slowed, np.maximum(straight / arc, LEAST_FACTOR), 1.0)
 
     def _entering(self, path: Path) -> FloatArray:
         """(n,) feed in full width: whole turns of a helix remove no more per minute than a cut.
