@@ -446,7 +446,7 @@ class AdaptivePocket:
         cut = sense.cut(
             front.points,
             start,
-            Surroundings(others.plus(tuple(self._stock.left)).about, self._stock.cleared.within),
+            Surroundings(others.about, self._stock.cleared.within),
         )
         if cut.begin is None:
             # nothing to cut there that a sample tells from nothing
