@@ -94,7 +94,7 @@ each, and the longest way that it takes so, as parts of its radius."""
 PECK_SKIN = 0.005
 """Thickest film that does not count there, as a part of the tool radius."""
 
-TIP, TIP_TURN = (0.2, 0.6), np.radians(90.0)
+TIP, TIP_TURN = (0.2, 1.2), np.radians(90.0)
 """Longest cut across a tip, and longest way round it along the walls, that is not cut from wall to
 wall any more, as parts of the tool radius; least turn of the walls there, radians."""
 
