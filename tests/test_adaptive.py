@@ -110,7 +110,11 @@ LONGEST_OVER = {
 
 
 def settings_of(
-    part: float = 0.4, climb: bool = True, both: bool = False, finish: bool = True
+    part: float = 0.4,
+    climb: bool = True,
+    both: bool = False,
+    finish: bool = True,
+    tightest: float = 0.0,
 ) -> ClearingSettings:
     """For a 6 mm tool, at a width of cut as a part of the diameter."""
     return ClearingSettings(
@@ -128,7 +132,7 @@ def settings_of(
         finish=finish,
         fast_links=False,
         longest_walk=40.0,
-        minimum_radius=0.0,
+        minimum_radius=tightest,
     )
 
 
@@ -668,6 +672,21 @@ def test_fronts_that_are_left_to_the_last_lap_are_told_of() -> None:
         pocket._give_up(0)
         assert not pocket._stock.fronts and len(pocket._stock.left) == 1 + told
         assert [finding.code for finding in pocket.findings] == ["full-width"] * told
+
+
+def test_links_bend_no_tighter_than_asked_and_tight_cuts_are_told_of() -> None:
+    axis, least = medial_axis(REGIONS["rectangle"]()), []
+    for tightest in (0.0, 1.5):
+        (pocket,) = adaptive_pockets(axis, settings_of(tightest=tightest))[0]
+        pocket.plan(pocket.peak)
+        radii = [stroke.path.radius for stroke in pocket.strokes if stroke.role is Role.LINK]
+        least.append(np.concatenate(radii).min())
+        found = [finding for finding in pocket.findings if finding.code == "tight-turns"]
+        cuts = [stroke.path.radius for stroke in pocket.strokes if stroke.role is Role.CUT]
+        tight = np.concatenate(cuts)
+        assert [finding.size for finding in found] == [tight.min()] * (tightest > 0)
+    assert least[0] < 1.5 - 1e-9 <= least[1]
+    assert tight.min() < 1.5
 
 
 def test_tips_are_cut_bit_by_bit() -> None:

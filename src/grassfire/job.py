@@ -228,7 +228,7 @@ class Operation(_Settings):
     layers: tuple[str, ...] = Field((), description="glob patterns; empty: those of [input]")
     link_feed: Speed | None = None
     minimum_path_radius: float = Field(
-        0.1, ge=0, le=0.5, description="of the turns of a spiral, fraction of the diameter"
+        0.1, ge=0, le=0.5, description="of turns of spirals and links, fraction of the diameter"
     )
     link_lift: NonNegativeLength = Field(
         default=0.0, description="rise of links through cleared area above the floor"

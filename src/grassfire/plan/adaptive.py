@@ -186,7 +186,9 @@ class AdaptivePocket:
             for tracer, own in zip(tracers, walls, strict=True)
         ]
         self._stock = Stock(self._walls, self._radius, self._step)
-        self._returns = Returns(axis, self._walls, self._stock, self._radius)
+        self._returns = Returns(
+            axis, self._walls, self._stock, self._radius, settings.minimum_radius
+        )
         light = SHARE * settings.stepover / (settings.passes * self._radius)
         self._thickest = max(ALLOWANCE, min(CRESCENT, light)) if settings.finish else ALLOWANCE
         self._length = 0.0
@@ -219,6 +221,7 @@ class AdaptivePocket:
                 break
             place, heading = self._cut_fronts(place, heading)
         self.strokes = self._written()
+        self._tell_turns()
         rings = [ring if settings.climb else ring.reversed() for ring in self._part.rings]
         here = self._walls.frame(place[None])[0]
         if lap or settings.finish:
@@ -578,6 +581,24 @@ class AdaptivePocket:
                 path = self._walls.path(path)
                 strokes.append(Stroke(StrokeKind.FEED, path, Role.CUT, steady=True))
         return strokes
+
+    def _tell_turns(self) -> None:
+        """Note where cuts turn tighter than asked: corners and narrow places leave no other way."""
+        asked = self._settings.minimum_radius
+        paths = [stroke.path for stroke in self.strokes if stroke.role is Role.CUT]
+        radius = np.concatenate([path.radius for path in paths])
+        tight = radius < asked * (1 - 1e-6)
+        if tight.any():
+            tightest = int(np.argmin(radius))
+            start = np.concatenate([path.points[:-1] for path in paths])[tightest]
+            message = (
+                f"{np.count_nonzero(tight)} arcs of cuts, in corners and narrow places, are "
+                f"tighter than minimum_path_radius; the tightest has {radius[tightest]:.3g} mm"
+            )
+            where = float(start[0]), float(start[1])
+            self.findings.append(
+                Finding(Severity.INFO, "tight-turns", message, place=where, size=radius[tightest])
+            )
 
     def _take(
         self, cut: Cut, sense: Sense, fronts: Fronts, place: FloatArray

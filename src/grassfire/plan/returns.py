@@ -64,15 +64,19 @@ class Returns:
     walls : Walls
     stock : Stock
         Looked at whenever a way is asked for.
-    radius : float
-        Of the tool, mm.
+    radius, least : float
+        Of the tool; of arcs by which ways bend, mm. Ways along the wall bend as that does.
     """
 
-    def __init__(self, axis: MedialAxis, walls: Walls, stock: Stock, radius: float) -> None:
+    def __init__(
+        self, axis: MedialAxis, walls: Walls, stock: Stock, radius: float, least: float
+    ) -> None:
         self._axis = axis
         self._walls = walls
         self._wall = walls.wall
         self._radius = radius
+        self._least = least
+        self._radii = sorted({max(part * radius, least) for part in RADII}, reverse=True)
         self._stock = stock
         self._near_map: dict[tuple[Front, float], IntArray] = {}
 
@@ -98,12 +102,13 @@ class Returns:
     def _tangent(self, place: FloatArray, heading: float, start: Start) -> list[Path]:
         """Ways with arcs tangent to both cuts, the one with fewest pieces first if it is short."""
         ways = [
-            tangent_link(place, heading, start.point, start.heading, part * self._radius)
-            for part in RADII
+            tangent_link(place, heading, start.point, start.heading, radius)
+            for radius in self._radii
         ]
         found = [way for way in ways if way is not None]
         arcs = two_arcs(place, heading, start.point, start.heading) if found else None
-        if arcs is not None and arcs.length <= LONGER * found[0].length:
+        short = arcs is not None and arcs.length <= LONGER * found[0].length
+        if arcs is not None and short and arcs.radius.min() >= self._least:
             found.insert(0, arcs)
         return found
 
@@ -169,7 +174,7 @@ class Returns:
         if found is None:
             return None
         found = tightened(found, self)
-        ways = [rounded(found, part * self._radius) for part in RADII]
+        ways = [rounded(found, radius) for radius in self._radii]
         chosen = self._first_clear([self._walls.path(way) for way in ways])
         return found if chosen is None else self._walls.path(chosen)
 
@@ -248,7 +253,7 @@ class Returns:
         spoke = begin[arcs] - centre[arcs]
         radius = np.hypot(spoke[:, 0], spoke[:, 1])
         size[arcs] = radius * np.abs(sweep[arcs])
-        wide = np.sqrt(np.maximum(radius / (RADII[-1] * self._radius), 1.0))
+        wide = np.sqrt(np.maximum(radius / self._radii[-1], 1.0))
         step[arcs] = np.minimum(ARC_PROBE * wide, PROBE) * self._radius
         parts = np.maximum(1, np.ceil(size / step)).astype(np.int64)
         count = parts.copy()
