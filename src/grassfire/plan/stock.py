@@ -64,8 +64,8 @@ class Stock:
     ----------
     cleared : Disks
         Places of the tool.
-    fronts, left : Fronts
-        Edges to be cut, and those left to ways along the walls.
+    fronts, left, tips : Fronts
+        Edges to be cut; those left to ways along the walls; those of them with stock behind.
     crescent : (n,) bool array
         Wall samples beside which the last lap takes thicker stock.
     """
@@ -78,6 +78,7 @@ class Stock:
         self.cleared = Disks()
         self.fronts = Fronts()
         self.left = Fronts()
+        self.tips = Fronts()
         self.crescent = np.zeros(len(walls.points), dtype=bool)
 
     def corners(self, pieces: Sequence[Front]) -> list[tuple[int, int]]:
@@ -118,6 +119,7 @@ class Stock:
             (short if self.slight(front) else whole).append(front)
         bound, gap = self._radius * (1 - GRAZE), 4 * self._step
         self.left = self.left.outside(tree, bound, gap).plus(short)
+        self.tips = self.tips.outside(tree, bound, gap)
         self.fronts = Fronts(joined(whole, self._radius, self._step, self._walls.clearance))
         spare = self._spare
         self._spare = {front: spare[front] for front in self.fronts if front in spare}
@@ -131,6 +133,7 @@ class Stock:
     def leave(self, index: int) -> None:
         """Leave a front to the ways along the walls."""
         self.left = self.left.plus([self.fronts[index]])
+        self.tips = self.tips.plus([self.fronts[index]])
         self.fronts = self.fronts.without(index)
 
     def edges(self, cut: Cut, against: bool, fronts: Fronts) -> tuple[cKDTree, list[Front]]:
