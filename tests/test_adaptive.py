@@ -689,6 +689,14 @@ def test_links_bend_no_tighter_than_asked_and_tight_cuts_are_told_of() -> None:
     assert tight.min() < 1.5
 
 
+def test_a_pocket_that_the_helix_clears_has_no_cuts() -> None:
+    circle = Region(Loop((Arc(np.zeros(2), RADIUS + 0.6, 0.0, 2 * np.pi),)), ())
+    (pocket,) = adaptive_pockets(medial_axis(circle), settings_of(tightest=0.6))[0]
+    pocket.plan(pocket.peak)
+    assert not any(stroke.role is Role.CUT for stroke in pocket.strokes)
+    assert not pocket.findings
+
+
 def test_tips_are_cut_bit_by_bit() -> None:
     """Where there is no room to swing, each bit is followed by a way back over it."""
     strokes, tip = planned("spike", 0.2), np.array([44.0, 6.5])

@@ -588,7 +588,7 @@ class AdaptivePocket:
         """Note where cuts turn tighter than asked: corners and narrow places leave no other way."""
         asked = self._settings.minimum_radius
         paths = [stroke.path for stroke in self.strokes if stroke.role is Role.CUT]
-        radius = np.concatenate([path.radius for path in paths])
+        radius = np.concatenate([np.zeros(0), *(path.radius for path in paths)])
         tight = radius < asked * (1 - 1e-6)
         if tight.any():
             tightest = int(np.argmin(radius))
