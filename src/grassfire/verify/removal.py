@@ -68,9 +68,9 @@ class Removal:
     """What the sweep found.
 
     `engagement`, `overload` (degrees of rim that meet stock thicker than the stepdown) are per
-    sample; `removed` mm2 that each flagged move (rapid or steep descent) cut first; `left` cells
-    above each target's floor; `hits` (one (n,) array for each body) mm2 of standing stock that each
-    move runs a shank or holder into.
+    sample; `removed` mm2 that each flagged move (rapid, steep descent or fast) cut first; `left`
+    cells above each target's floor; `hits` (one (n,) array for each body) mm2 of standing stock
+    that each move runs a shank or holder into.
     """
 
     samples: Samples
@@ -209,6 +209,10 @@ class SweepSettings:
     overload_step: float = 10.0
 
 
+_ENGAGED = 30.0
+"""Fast moves are looked at closely where more of the rim is in stock, degrees."""
+
+
 class Sweep:
     """One pass over the stock, from the deepest threshold upwards."""
 
@@ -220,11 +224,12 @@ class Sweep:
         settings: SweepSettings,
         *,
         flagged: BoolArray,
+        fast: BoolArray,
         thickness: FloatArray,
         stepdown: FloatArray,
         bodies: Sequence[Body] = (),
     ) -> None:
-        """Prepare; `flagged`, `thickness` and `stepdown` are per move."""
+        """Prepare; `flagged`, `fast`, `thickness` and `stepdown` are per move."""
         self.path, self.targets, self.grid, self.settings = path, targets, grid, settings
         top, skin = settings.top, settings.height_tolerance
         self.flagged = np.flatnonzero(flagged & path.known & (path.low < top - _EDGE))
@@ -248,6 +253,8 @@ class Sweep:
         above = height + stepdown[self.samples.move] + skin
         self.overload_band = np.where(above < self.thresholds[-1], self._band(above), -1)
         self.flag_band = self._band(path.low[self.flagged] + skin)
+        self.fast = np.flatnonzero(fast & path.known & (path.low < top - _EDGE))
+        self.fast_band = self._band(path.low[self.fast] + thickness[self.fast])
         self.floor_band = self._band(floors)
         self.bodies = tuple(bodies)
         self.body_band = [self._band(path.low[i.moves] + i.length + skin) for i in bodies]
@@ -303,7 +310,10 @@ class Sweep:
                 self._lower_height(height, fresh, self.pieces.take(rows), first_cut)
                 standing[fresh] = False
             self._look(band, first_cut, engagement, overload)
-            self._count_removed(band, first_cut, removed)
+            self._count_removed(band, first_cut, removed, self.flagged[self.flag_band == band])
+            engaged = self.samples.move[engagement > _ENGAGED]
+            fast = np.intersect1d(self.fast[self.fast_band == band], engaged)
+            self._count_removed(band, first_cut, removed, fast)
             self._count_hits(band, first_cut, hits)
             for index in np.flatnonzero(self.floor_band == band).tolist():
                 left[index] = demanded[index] & ~np.isfinite(first_cut)
@@ -361,9 +371,10 @@ class Sweep:
                 radius = self.path.tool_radius[part.move]
                 result[rows] = rim_in_stock(first_cut, part, radius, self.grid, step)
 
-    def _count_removed(self, band: int, first_cut: FloatArray, removed: FloatArray) -> None:
-        """Add the cells that the flagged moves judged at this threshold were the first to cut."""
-        moves = self.flagged[self.flag_band == band]
+    def _count_removed(
+        self, band: int, first_cut: FloatArray, removed: FloatArray, moves: IntArray
+    ) -> None:
+        """Add the cells that moves judged at this threshold were the first to cut."""
         if not len(moves):
             return
         due = np.zeros(len(self.path), dtype=bool)
