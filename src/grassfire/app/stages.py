@@ -350,6 +350,7 @@ def targets_of(job: Job, drawings: Sequence[Drawing]) -> tuple[Target, ...]:
     targets = []
     for index, (operation, drawing) in enumerate(zip(job.operations, drawings, strict=True)):
         tool = job.tool(operation.tool)
+        cutting = max(tool.feed * operation.chip_thinning_factor, tool.plunge_feed)
         targets.append(
             Target(
                 operation=index,
@@ -369,14 +370,8 @@ def targets_of(job: Job, drawings: Sequence[Drawing]) -> tuple[Target, ...]:
                 stickout=tool.stickout,
                 holder_radius=_half(tool.holder_diameter),
                 # The post rounds feeds.
-                cutting_feed=1.001
-                * max(tool.feed * operation.chip_thinning_factor, tool.plunge_feed),
-                max_feed=1.001
-                * max(
-                    tool.feed * operation.chip_thinning_factor,
-                    tool.plunge_feed,
-                    operation.link_feed or 0.0,
-                ),
+                cutting_feed=1.001 * cutting,
+                max_feed=1.001 * max(cutting, operation.link_feed or 0.0),
             )
         )
     return tuple(targets)

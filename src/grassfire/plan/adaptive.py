@@ -41,7 +41,6 @@ from grassfire.plan.stock import ALLOWANCE, Stock
 from grassfire.plan.strategy import ClearingSettings, PocketPlan
 from grassfire.plan.strokes import Stroke, StrokeKind
 from grassfire.plan.tracing import (
-    BESIDES,
     FIRST_BITE,
     SAMPLING,
     Start,
@@ -305,8 +304,8 @@ class AdaptivePocket:
         places, along = path.sample(self._step)
         way = places[1:] - places[:-1]
         heading = np.arctan2(way[:, 1], way[:, 0])
-        cleared, low = self._stock.cleared.within, self._settings.engagement - BESIDES
-        past = self._tracer.past(cleared, places[1:], heading, low, PECK_SKIN)
+        cleared, limit = self._stock.cleared.within, self._settings.engagement
+        past = self._tracer.past(cleared, places[1:], heading, limit, PECK_SKIN)
         edges = np.diff(past.astype(np.int8), prepend=0, append=0).nonzero()[0].reshape(-1, 2)
         return [(float(along[first]), float(along[last])) for first, last in edges.tolist()]
 
@@ -451,7 +450,7 @@ class AdaptivePocket:
         cut = sense.cut(
             front.points,
             start,
-            Surroundings(others.plus(tuple(self._stock.tips)).about, self._stock.cleared.within),
+            Surroundings(others.plus(self._stock.tips).about, self._stock.cleared.within),
         )
         if cut.begin is None:
             # nothing to cut there that a sample tells from nothing

@@ -73,7 +73,6 @@ class Returns:
     ) -> None:
         self._axis = axis
         self._walls = walls
-        self._wall = walls.wall
         self._radius = radius
         self._least = least
         self._radii = sorted({max(part * radius, least) for part in RADII}, reverse=True)
@@ -180,7 +179,7 @@ class Returns:
 
     def free(self, places: FloatArray) -> BoolArray:
         """Where in the frame the tool touches neither wall nor stock; places need be on no way."""
-        inside = self._walls.clearance(places, self._wall) - self._wall >= -SLACK
+        inside = self._walls.clearance(places, self._walls.wall) - self._walls.wall >= -SLACK
         return self._unstocked(places, np.asarray(inside), ROOM)
 
     def open(self, place: FloatArray) -> bool:
@@ -212,7 +211,7 @@ class Returns:
     @cached_property
     def map(self) -> RoadMap:
         """The medial axis of all places of the tool."""
-        return RoadMap(self._axis, self._wall, MAP_STEP * self._radius)
+        return RoadMap(self._axis, self._walls.wall, MAP_STEP * self._radius)
 
     @cached_property
     def _places(self) -> tuple[FloatArray, BoolArray]:

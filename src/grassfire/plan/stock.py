@@ -107,7 +107,7 @@ class Stock:
         nowhere = np.zeros(len(centres))
         # its left is not along the wall
         way = Cut([], centres[0], centres, nowhere, nowhere + INSIDE)
-        kept = self.fronts.outside(tree, self._radius * (1 - GRAZE), 4 * self._step)
+        kept = self._outside(self.fronts, tree)
         self.note(tree, [*kept, *self._new_fronts(way, True, tree)])
 
     def note(self, tree: cKDTree, edges: Sequence[Front]) -> None:
@@ -117,9 +117,8 @@ class Stock:
         short: list[Front] = []
         for front in edges:
             (short if self.slight(front) else whole).append(front)
-        bound, gap = self._radius * (1 - GRAZE), 4 * self._step
-        self.left = self.left.outside(tree, bound, gap).plus(short)
-        self.tips = self.tips.outside(tree, bound, gap)
+        self.left = self._outside(self.left, tree).plus(short)
+        self.tips = self._outside(self.tips, tree)
         self.fronts = Fronts(joined(whole, self._radius, self._step, self._walls.clearance))
         spare = self._spare
         self._spare = {front: spare[front] for front in self.fronts if front in spare}
@@ -143,7 +142,7 @@ class Stock:
         """
         swept = densified(cut.points, self._step)
         tree = cKDTree(swept, compact_nodes=False, balanced_tree=False)
-        kept = fronts.outside(tree, self._radius * (1 - GRAZE), 4 * self._step)
+        kept = self._outside(fronts, tree)
         return tree, [*kept, *self._new_fronts(cut, against, tree)]
 
     def advance(self, front: Front, against: bool) -> None:
@@ -187,6 +186,10 @@ class Stock:
         # a little less: the end of a cut leaves up to a sample more
         spared = self._spared(tail, 0.9 * allowance)
         return len(tail) if spared.all() else int(np.argmin(spared[::-1]))
+
+    def _outside(self, fronts: Fronts, centres: cKDTree) -> Fronts:
+        """What is left of fronts where the tool has been."""
+        return fronts.outside(centres, self._radius * (1 - GRAZE), 4 * self._step)
 
     def _spared(self, places: FloatArray, allowance: float) -> BoolArray:
         """Where the edge of the stock is so near to the wall that the last lap takes what is left.

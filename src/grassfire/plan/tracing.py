@@ -515,9 +515,8 @@ class Tracer:
         ahead &= (row > 0) | bool(cut.pieces)
         rows = np.unique(row[ahead | ~found[row]])
         # where one front has been cut away nearly, another one may be entered far ahead
-        past = self.past(
-            cut.beside.cleared, place.take(rows, axis=0), heading.take(rows), cut.limit
-        )
+        limit = cut.limit + BESIDES
+        past = self.past(cut.beside.cleared, place.take(rows, axis=0), heading.take(rows), limit)
         return np.asarray(rows[past])
 
     def past(
@@ -525,13 +524,13 @@ class Tracer:
         cleared: Callable[[FloatArray, float], BoolArray],
         place: FloatArray,
         heading: FloatArray,
-        limit: float | None = None,
+        limit: float,
         skin: float = WALL_SKIN,
     ) -> BoolArray:
         """(n,) where the front half of the rim is in stock past a limit, whatever front that is of.
 
-        `cleared` is that of `Surroundings`; without a limit, radians, it is the tracer's. Stock
-        nearer to the wall than `skin`, a part of the tool radius, is left out.
+        `cleared` is that of `Surroundings`, the limit in radians. Stock nearer to the wall than
+        `skin`, a part of the tool radius, is left out.
         """
         angle = np.arange(PROBES / 2, np.pi, PROBES)
         spoke = (1 + PROBED) * self._radius * unit(heading[:, None] - np.pi / 2 + angle)
@@ -539,8 +538,7 @@ class Tracer:
         stock = ~cleared(rim, self._radius)
         rows = stock.nonzero()[0]
         stock[rows] = self._walls.off(rim.take(rows, axis=0), skin * self._radius)
-        engaged = stock.reshape(-1, len(angle)).sum(axis=1) * PROBES
-        return np.asarray(engaged > (self._limit if limit is None else limit) + BESIDES)
+        return np.asarray(stock.reshape(-1, len(angle)).sum(axis=1) * PROBES > limit)
 
     def _slid(self, cut: _Cut, samples: IntArray) -> None:
         cut.pieces.append(

@@ -144,7 +144,7 @@ class _Machining:
         self._grid = _grid_for(path, targets, tolerances.resolution, tolerances.max_cells)
         descent = path.begin[:, 2] - path.end[:, 2]
         self._steep = ~path.rapid & (np.arctan2(descent, path.planar) > tolerances.ramp_angle)
-        self._fast = ~path.rapid & (path.feed > per_move.cutting_feed)
+        self._fast = ~path.rapid & ~self._steep & (path.feed > per_move.cutting_feed)
         self._bodies = find_bodies(path, served, top)
         thickness = _thickness(
             path, targets, per_move.stepdown, top, tolerances.engagement_thickness
@@ -155,7 +155,7 @@ class _Machining:
             self._grid,
             SweepSettings(top, tolerances.height, tolerances.uncut_height),
             flagged=path.rapid | self._steep,
-            fast=self._fast & ~self._steep,
+            fast=self._fast,
             thickness=np.maximum(thickness, tolerances.height),
             stepdown=per_move.stepdown,
             bodies=self._bodies,
@@ -169,7 +169,7 @@ class _Machining:
         removal, top, grid, tolerances = self._removal, self._top, self._grid, self._tolerances
         plunging = self._steep & ~asked.may_plunge
         hit, found = _check_descents(path, removal, plunging, top, grid)
-        found += _check_fast(path, removal, self._fast & ~self._steep, grid)
+        found += _check_fast(path, removal, self._fast, grid)
         allowance = asked.radial_allowance
         found += check_bodies(path, self._bodies, removal.hits, targets, allowance, top)
         found += _check_load(path, removal, asked.engagement_limit + tolerances.engagement)

@@ -25,6 +25,9 @@ _SAMPLES = 1024
 _MAX_LEVELS = 200
 """Thresholds that are kept apart; with more (a path that never stays level) they are merged."""
 
+_ENGAGED = 30.0
+"""Fast moves are looked at closely where more of the rim is in stock, degrees."""
+
 
 @dataclass(frozen=True)
 class Samples:
@@ -207,10 +210,6 @@ class SweepSettings:
     spacing: float = 0.1
     angle_step: float = 2.0
     overload_step: float = 10.0
-
-
-_ENGAGED = 30.0
-"""Fast moves are looked at closely where more of the rim is in stock, degrees."""
 
 
 class Sweep:
