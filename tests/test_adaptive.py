@@ -21,7 +21,7 @@ from grassfire.geometry import Arc, Bezier, Line, Loop, Region, flatten
 from grassfire.job import Job, parse_job
 from grassfire.medial import medial_axis
 from grassfire.plan import plan_operation
-from grassfire.plan.adaptive import AdaptivePocket, adaptive_pockets
+from grassfire.plan.adaptive import CRESCENT, AdaptivePocket, adaptive_pockets
 from grassfire.plan.arcs import Curve, fewest_arcs
 from grassfire.plan.boundary import Boundary
 from grassfire.plan.chains import Writer
@@ -259,6 +259,35 @@ def test_without_a_finishing_pass_films_alone_are_cut_along_the_wall() -> None:
     reached = area.buffer(-RADIUS + 2e-4, quad_segs=64).buffer(RADIUS - 2e-4, quad_segs=64)
     left = reached.difference(swept(strokes, RADIUS))
     assert left.area <= 5e-4 * reached.area
+
+
+def reached_by_tool(area: shapely.Polygon) -> shapely.Polygon:
+    """What the tool can clear of a pocket."""
+    return area.buffer(-RADIUS + 2e-4, quad_segs=64).buffer(RADIUS - 2e-4, quad_segs=64)
+
+
+def polygon(count: int, radius: float) -> FloatArray:
+    """Corners of a regular polygon."""
+    return radius * unit(np.arange(count) * 2 * np.pi / count)
+
+
+def test_films_are_thinner_in_small_pockets() -> None:
+    """Of a pocket hardly wider than the tool a film all round is no small part."""
+    corners = polygon(22, 1.52 * RADIUS)
+    strokes = plan(Region(Loop.from_points(corners), ()), 0.2, finish=False)
+    reached = reached_by_tool(shapely.Polygon(corners))
+    assert reached.difference(swept(strokes, RADIUS)).area <= 1e-3 * reached.area
+
+
+@pytest.mark.parametrize("radius", [1.6, 2.2, 5.0, 30.0])
+def test_the_last_lap_is_light_in_small_round_pockets(radius: float) -> None:
+    """It takes what the opening spiral leaves at the full depth, all passes at once."""
+    circle = Region(Loop((Arc(np.zeros(2), radius * RADIUS, 0.0, 2 * np.pi),)), ())
+    (pocket,) = adaptive_pockets(medial_axis(circle), settings_of())[0]
+    assert isinstance(pocket, AdaptivePocket)
+    rim = np.array([radius - 1, 0.0]) + unit(np.radians(np.arange(0.0, 90.0, 0.1)))
+    stock = np.hypot(*rim.T) > radius - pocket._crescent()
+    assert np.degrees(CRESCENT) == pytest.approx(0.1 * np.count_nonzero(stock), abs=0.2)
 
 
 @pytest.mark.parametrize("climb", [True, False])

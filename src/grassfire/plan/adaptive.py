@@ -79,10 +79,10 @@ LANDINGS = 40
 GRAZING = 0.1
 """How deep the way to a cut may bite in narrow places, as a part of the tool radius."""
 
-CRESCENT, SHARE = 0.15, 0.6
-"""Thickest stock that the last turn of the opening spiral may leave to the last lap, as a part of
-the tool radius; and how much that may be over all depths, as a part of what a clearing cut takes.
-Where the spiral comes to the wall all round, this turn would take ever less."""
+CRESCENT, SHARE = np.radians(33.5), 0.6
+"""Largest engagement of the last lap in what the last turn of the opening spiral leaves to it,
+radians; and how thick that may be over all depths, as a part of what a clearing cut takes. Where
+the spiral comes to the wall all round, this turn would take ever less."""
 
 FAR = 4.0
 """Fronts further off than that many tool radii are taken after corners near the tool."""
@@ -189,8 +189,7 @@ class AdaptivePocket:
         self._returns = Returns(
             axis, self._walls, self._stock, self._radius, settings.minimum_radius
         )
-        light = SHARE * settings.stepover / (settings.passes * self._radius)
-        self._thickest = max(ALLOWANCE, min(CRESCENT, light)) if settings.finish else ALLOWANCE
+        self._thickest = self._crescent() if settings.finish else ALLOWANCE
         self._length = 0.0
         self._starts: dict[Front, list[Start]] = {}
         self._steps: list[Stroke | Sense] = []
@@ -406,6 +405,15 @@ class AdaptivePocket:
         if alone:
             self._stock.spare()
         return found
+
+    def _crescent(self) -> float:
+        """Thickest stock that the opening spiral may leave round the wall, in tool radii."""
+        # a lap of radius r engages the tool over an angle a in what is left within a circle of
+        # radius sqrt(r^2 + 1 + 2 r cos a), all in tool radii
+        lap = (self._part.peak_radius - self._settings.wall) / self._radius
+        inner = math.sqrt(lap**2 + 1 + 2 * lap * math.cos(CRESCENT))
+        light = SHARE * self._settings.stepover / (self._settings.passes * self._radius)
+        return max(ALLOWANCE, min(lap + 1 - inner, light))
 
     def _middle(self) -> tuple[FloatArray, float]:
         """Where clearing begins, and the room there: the most there is, if it pays amid the pocket.

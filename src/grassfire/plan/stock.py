@@ -38,8 +38,9 @@ BESIDE = 8
 ALLOWANCE, CUSP = 0.02, 0.06
 """Thickest stock left to the last lap round the wall, and thickest cusp, as parts of the radius."""
 
-FILM = 6e-3
-"""Thickest film that stays on walls without a finishing pass, mm."""
+FILM, FILM_SHARE = (1.5e-3, 6e-3), 3e-4
+"""Thickest film that stays on walls without a finishing pass: bounds, mm, and as a part of area
+over length of walls, since a film all round is a larger part of a small pocket."""
 
 HEAD = 8
 """Points at the start of a front that are left where no cut along it begins there."""
@@ -97,8 +98,10 @@ class Stock:
     def unswept(self) -> list[tuple[int, int]]:
         """Stretches of the walls where cuts have left a film, first and last samples of each."""
         walls, wall = self._walls, self._walls.wall
+        perimeter = sum(ring.length for ring in walls.rings)
+        thickest = float(np.clip(FILM_SHARE * (walls.area / perimeter + wall), *FILM))
         reach = walls.points + wall * unit(walls.heading - np.pi / 2)
-        film = ~self.cleared.within(reach, wall + FILM)
+        film = ~self.cleared.within(reach, wall + thickest)
         return walls.stretches(film, BESIDE) if film.any() else []
 
     def passed_by(self, centres: FloatArray) -> None:

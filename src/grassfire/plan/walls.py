@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
+from grassfire.geometry.curve import cross
 from grassfire.medial import MedialAxis
 from grassfire.plan.boundary import Boundary
 from grassfire.plan.path import BoolArray, IntArray, Path, join
@@ -80,6 +81,13 @@ class Walls:
         self.first = np.repeat(np.cumsum(size) - size, size)
         self.count = np.repeat(size, size)
         self._tree = cKDTree(self.points)
+
+    @property
+    def area(self) -> float:
+        """Area inside the rings, mm2, as the samples tell it."""
+        rank = np.arange(len(self.points)) - self.first
+        after = self.points[self.first + (rank + 1) % self.count]
+        return float(cross(self.points, after).sum()) / 2
 
     def frame(self, points: FloatArray) -> FloatArray:
         """Points of the drawing in the frame, and back."""
