@@ -341,6 +341,17 @@ def test_fast_moves_keep_to_what_is_cleared() -> None:
     assert "fast-cut" not in kinds(judge(grazing, target(entry="plunge", cutting_feed=600.0)))
 
 
+@pytest.mark.parametrize(("feed", "fault"), [(3000.0, True), (600.0, False)])
+def test_plunges_are_not_faster_than_cuts(feed: float, fault: bool) -> None:
+    builder = ToolpathBuilder((20.0, 20.0, 5.0))
+    builder.line(20.0, 20.0, -2.0, feed)
+    builder.line(20.0, 20.0, 1.0, 3000.0)
+    builder.line(20.0, 20.0, -2.0, 3000.0)
+    builder.rapid(20.0, 20.0, 5.0)
+    result = judge(builder, target(entry="plunge", cutting_feed=600.0))
+    assert [item.kind for item in result.faults].count("fast-cut") == fault
+
+
 @pytest.mark.parametrize(("entry", "fault"), [("helix", True), ("plunge", False)])
 def test_plunges(entry: str, fault: bool) -> None:
     builder = ToolpathBuilder((20.0, 20.0, 5.0))

@@ -144,7 +144,7 @@ class _Machining:
         self._grid = _grid_for(path, targets, tolerances.resolution, tolerances.max_cells)
         descent = path.begin[:, 2] - path.end[:, 2]
         self._steep = ~path.rapid & (np.arctan2(descent, path.planar) > tolerances.ramp_angle)
-        self._fast = ~path.rapid & ~self._steep & (path.feed > per_move.cutting_feed)
+        self._fast = ~path.rapid & (path.feed > per_move.cutting_feed)
         self._bodies = find_bodies(path, served, top)
         thickness = _thickness(
             path, targets, per_move.stepdown, top, tolerances.engagement_thickness
@@ -155,7 +155,7 @@ class _Machining:
             self._grid,
             SweepSettings(top, tolerances.height, tolerances.uncut_height),
             flagged=path.rapid | self._steep,
-            fast=self._fast,
+            fast=self._fast & ~self._steep,
             thickness=np.maximum(thickness, tolerances.height),
             stepdown=per_move.stepdown,
             bodies=self._bodies,
@@ -167,9 +167,11 @@ class _Machining:
         """Return the verdict, with the (n,) time and gouge of moves and the faults found so far."""
         path, targets, asked, reach = self._path, self._targets, self._per_move, self._reach
         removal, top, grid, tolerances = self._removal, self._top, self._grid, self._tolerances
-        plunging = self._steep & ~asked.may_plunge
-        hit, found = _check_descents(path, removal, plunging, top, grid)
-        found += _check_fast(path, removal, self._fast, grid)
+        through = self._steep & (removal.removed > _through(path, grid))
+        hit, found = _check_descents(path, removal, through & ~asked.may_plunge, top, grid)
+        slivers = np.where(self._steep, _through(path, grid), _slivers(path, grid))
+        fast = self._fast & (removal.removed > slivers) & (~self._steep | asked.may_plunge)
+        found += _fast_cuts(path, removal, fast)
         allowance = asked.radial_allowance
         found += check_bodies(path, self._bodies, removal.hits, targets, allowance, top)
         found += _check_load(path, removal, asked.engagement_limit + tolerances.engagement)
@@ -285,9 +287,7 @@ def _check_descents(
     path: Path, removal: Removal, plunging: BoolArray, top: float, grid: Grid
 ) -> tuple[BoolArray, list[Fault]]:
     """Return (n,) which rapids removed stock, and the faults of rapids and plunges."""
-    noise = 2 * grid.cell**2
-    squared = path.tool_radius**2
-    hit = path.rapid & (removal.removed > 0.005 * squared + noise)
+    hit = path.rapid & (removal.removed > 0.005 * path.tool_radius**2 + 2 * grid.cell**2)
     depth = top - np.nan_to_num(path.low, nan=np.inf)
     moves = np.flatnonzero(hit)
     faults = report_moves(
@@ -297,8 +297,7 @@ def _check_descents(
         depth[moves],
         lambda size: f"a rapid runs through stock, down to {size:.3f} mm below its top",
     )
-    through = plunging & (removal.removed > np.maximum(0.02 * squared, 0.05) + noise)
-    moves = np.flatnonzero(through)
+    moves = np.flatnonzero(plunging)
     fall = np.minimum(path.begin[:, 2], top) - path.end[:, 2]
     faults += report_moves(
         "plunge",
@@ -310,10 +309,20 @@ def _check_descents(
     return hit, faults
 
 
-def _check_fast(path: Path, removal: Removal, fast: BoolArray, grid: Grid) -> list[Fault]:
-    """Return faults of moves through cleared area at raised feed that cut more than slivers."""
+def _through(path: Path, grid: Grid) -> FloatArray:
+    """Return (n,) from what area in mm2 on a descent goes through stock."""
+    return np.asarray(np.maximum(0.02 * path.tool_radius**2, 0.05) + 2 * grid.cell**2)
+
+
+def _slivers(path: Path, grid: Grid) -> FloatArray:
+    """Return (n,) the area in mm2 of slivers that a move through cleared area may take."""
     spared = _SLIVER_WIDTH * path.tool_radius * (path.planar + path.tool_radius)
-    moves = np.flatnonzero(fast & (removal.removed > spared + 2 * grid.cell**2))
+    return np.asarray(spared + 2 * grid.cell**2)
+
+
+def _fast_cuts(path: Path, removal: Removal, fast: BoolArray) -> list[Fault]:
+    """Return the faults of moves at raised feed that cut."""
+    moves = np.flatnonzero(fast)
     return report_moves(
         "fast-cut",
         path,
