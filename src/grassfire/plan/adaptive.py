@@ -87,16 +87,17 @@ the spiral comes to the wall all round, this turn would take ever less."""
 FAR = 4.0
 """Fronts further off than that many tool radii are taken after corners near the tool."""
 
-PECK, PECKED_BACK, MOST_PECKED = 0.03, 0.08, 1.0
+PECK, PECKED_BACK, MOST_PECKED = 0.03, 0.08, (1.0, 3.5)
 """Bits in which the tool cuts along a wall where it is past the limit, how far it goes back after
-each, and the longest way that it takes so, as parts of its radius."""
+each, and the longest ways that it takes so while there are fronts and at last, as parts of its
+radius."""
 
 PECK_SKIN = 0.005
 """Thickest film that does not count there, as a part of the tool radius."""
 
-TIP, TIP_TURN = (0.2, 1.2), np.radians(90.0)
-"""Longest cut across a tip, and longest way round it along the walls, that is not cut from wall to
-wall any more, as parts of the tool radius; least turn of the walls there, radians."""
+TIPS, TIP_TURN = ((0.2, 1.2), (0.15, 4.0)), np.radians(90.0)
+"""Longest cuts across a tip, and longest ways round it along the walls, that are not cut from wall
+to wall any more, as parts of the tool radius; least turn of the walls there, radians."""
 
 LINK_TRIES = 3
 """Fronts that are tried before the tool is retracted."""
@@ -271,7 +272,8 @@ class AdaptivePocket:
             if path is None:
                 continue
             past = self._past(path)
-            slots = [ends for ends in past if ends[1] - ends[0] > MOST_PECKED * self._radius]
+            longest = MOST_PECKED[hop] * self._radius
+            slots = [ends for ends in past if ends[1] - ends[0] > longest]
             if slots and not hop:
                 continue
             start = Start(low, self._walls.points[low], float(self._walls.heading[low]))
@@ -494,13 +496,15 @@ class AdaptivePocket:
 
     def _in_tip(self, cut: Cut, sense: Sense) -> bool:
         """Whether what is ahead of a cut is the tip of a sharp corner, too narrow for a swing."""
-        if length(cut.points) > TIP[0] * self._radius:
+        size, walls = length(cut.points) / self._radius, self._walls
+        longest = max((around for across, around in TIPS if size <= across), default=0.0)
+        if not longest:
             return False
-        walls = self._walls
         # the walls round what is on the right of the cut run with it
         ends = cut.points[[-1, 0] if sense.against else [0, -1]]
         low, high = walls.nearest(ends[0]), walls.nearest(ends[1])
-        if walls.first[low] != walls.first[high] or walls.size(low, high) > TIP[1] * self._radius:
+        apart = walls.first[low] != walls.first[high]
+        if apart or walls.size(low, high) > longest * self._radius:
             return False
         turn = wrapped(float(walls.heading[high] - walls.heading[low]))
         return bool(abs(turn) > TIP_TURN)

@@ -19,11 +19,19 @@ from grassfire.toolpath import FloatArray
 SAMPLING = 0.05
 """Distance of samples of fronts, walls and ways as a part of the tool radius."""
 
+ENDING = 8
+"""Last points of a front that tell how it goes on: fewer bend with the hook that a cut may leave at
+a wall, and the next cut bends more."""
+
 FIRST_BITE = 0.1, 0.2
 """Engagement with which the opening spiral and other cuts from the open begin, radians."""
 
 EASE = 3.0, 1.2
 """Length over which it rises to the limit, as parts of the tool radius."""
+
+LEAVING, WIDE_CUT = (0.02, 0.6), np.radians(70.0)
+"""How much lower it is where a cut leaves a wall, radians, and over which length, in tool radii;
+limits from which on it need not be: there a tooth feels the edge of the stock less."""
 
 LEADS = 0.5, 1.0, 1.5
 """How far before its front a cut from the open may begin, as parts of the tool radius."""
@@ -314,7 +322,7 @@ class Tracer:
 
     def _extended(self, front: FloatArray) -> FloatArray:
         """A front with a straight tool radius more: what lies beyond its end is no more stock."""
-        along = unit(direction(front[-4:]))
+        along = unit(direction(front[-ENDING:]))
         more = np.arange(1, round(self._radius / self._step) + 1) * self._step
         return np.concatenate([front, front[-1] + along * more[:, None]])
 
@@ -351,7 +359,8 @@ class Tracer:
                 if left is None:
                     return False
                 sample, bearing = -1, left
-            ease = None
+            left, over = LEAVING
+            ease = (cut.limit - left, over * self._radius) if cut.limit < WIDE_CUT else None
         raise PlanningError(
             "a cut went back and forth between wall and open without end",
             place=(float(cut.point[0]), float(cut.point[1])),
