@@ -41,6 +41,10 @@ AT_WALL = 0.1
 FOLD = 2.5
 """Where an edge runs back over itself by so many steps at most, the fold is left out."""
 
+SPIKE, SAME = -0.85, 1e-5
+"""Cosine of the turn from which on a chain turns back at a point; chords that are shorter than this
+part of the longest have no direction."""
+
 SLIVER = 20
 """Fronts of so few points are not searched for those near places."""
 
@@ -388,6 +392,20 @@ def runs(chain: FloatArray, good: BoolArray, gap: float) -> list[FloatArray]:
     broken |= index[1:] - index[:-1] > 1
     stops = [*(broken.nonzero()[0] + 1).tolist(), len(kept)]
     return [kept[low:high] for low, high in zip([0, *stops], stops, strict=False)]
+
+
+def unspiked(chain: FloatArray) -> FloatArray:
+    """A chain without points at which it turns back, and without points that are the one before."""
+    while len(chain) > 2:
+        chord = chain[1:] - chain[:-1]
+        size = np.hypot(chord[:, 0], chord[:, 1])
+        along = (chord[1:] * chord[:-1]).sum(axis=1)
+        # of two points in one place the second goes, and has no direction
+        back = (along < SPIKE * size[1:] * size[:-1]) | (size[:-1] <= SAME * size.max())
+        if not back.any():
+            break
+        chain = np.delete(chain, back.nonzero()[0] + 1, axis=0)
+    return chain
 
 
 def length(chain: FloatArray) -> float:

@@ -21,6 +21,7 @@ from grassfire.plan.fronts import (
     runs,
     swept_edge,
     touched,
+    unspiked,
 )
 from grassfire.plan.path import BoolArray, IntArray
 from grassfire.plan.pursuit import unit
@@ -227,7 +228,7 @@ class Stock:
         skin = WALL_SKIN * self._radius
         rows = (stock & (np.minimum(low, high) < skin)).nonzero()[0]
         stock[rows] = self._walls.off(edge.take(rows, axis=0), skin)
-        return [Front(part) for part in runs(edge, stock, 4 * self._step)]
+        return [Front(unspiked(part)) for part in runs(edge, stock, 4 * self._step)]
 
     def _rimmed(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
         """Right edge of what is swept, with the rim before and after; -1 and the last are these."""
