@@ -664,6 +664,36 @@ def test_dangling_line_is_left_out_of_a_closed_contour(tmp_path: Path) -> None:
     assert finding.place == pytest.approx((15, 15))
 
 
+@pytest.mark.parametrize("outer", [True, False])
+def test_a_contour_with_a_gap_round_another_or_inside_it_is_refused(
+    tmp_path: Path, outer: bool
+) -> None:
+    """Left out, it would turn an island into a pocket, or let the tool mill an island away."""
+
+    def draw(space: Any) -> None:
+        square(space, 0, 8)
+        gap, low, high = 0.05, *((-10.0, 18.0) if outer else (2.0, 6.0))
+        lines(space, [(low, low + gap), (low, high), (high, high), (high, low), (low, low)])
+
+    with pytest.raises(InputError, match=r"gap of 0\.05 mm.*raise chaining_tolerance") as caught:
+        read(tmp_path, model(draw))
+    assert caught.value.place == pytest.approx((-10, -10) if outer else (2, 2), abs=0.1)
+    assert len(read(tmp_path, model(draw), chaining_tolerance=0.06).regions) == 1
+
+
+def test_open_marks_and_contours_apart_refuse_nothing(tmp_path: Path) -> None:
+    def draw(space: Any) -> None:
+        square(space, 0, 8)
+        space.add_arc((4, 4), 2.0, 0, 270)
+        space.add_arc((4, 4), 9.0, 0, 270)
+        space.add_line((-3, 4), (11, 4))
+        lines(space, [(30, 0.05), (30, 9), (39, 9), (39, 0), (30, 0)])
+
+    drawing = read(tmp_path, model(draw))
+    assert only(drawing).area == pytest.approx(64)
+    assert [item.code for item in drawing.findings].count("open-chain") == 4
+
+
 def test_keyhole_polyline_is_taken_apart(tmp_path: Path) -> None:
     points = [(0, 0), (20, 0), (20, 20), (10, 20), (10, 14), (6, 10), (14, 10), (10, 14), (10, 20)]
     points.append((0, 20))

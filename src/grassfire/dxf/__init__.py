@@ -1,8 +1,8 @@
 """DXF drawings to regions: every curve exact, every repair a finding; medial axes to DXF.
 
 The stages are modules: `reading` (file, recovery, units), `entities` (curves of the model space,
-blocks included), `splines`, `overlaps`, `chain` and `faces` (closed chains), `nest` (regions); and
-`write` (medial axes).
+blocks included), `splines`, `overlaps`, `chain` and `faces` (closed chains), `nest` (regions) and
+`gaps` (contours that were meant to be closed); and `write` (medial axes).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 from grassfire import tolerance
 from grassfire.dxf.chain import Gap, chain_pieces
 from grassfire.dxf.entities import Extraction, extract
+from grassfire.dxf.gaps import refuse_doubtful
 from grassfire.dxf.nest import nest_chains
 from grassfire.dxf.reading import load_document, resolve_units
 from grassfire.dxf.write import medial_axis_text, write_medial_axis
@@ -102,7 +103,8 @@ def read_regions(
     ------
     InputError
         Missing or unreadable file, unknown unit or layer, no units, no closed contour, a contour
-        that crosses itself, nothing but overlapping contours.
+        that crosses itself, nothing but overlapping contours, a contour with a gap round others or
+        in one.
     """
     file = Path(path)
     source = str(path)
@@ -130,6 +132,9 @@ def read_regions(
         raise _no_contour(extraction, chaining.gaps, source, chaining_tolerance)
     nesting = nest_chains(chaining.chains, flattening_tolerance, chaining_tolerance, source)
     findings += nesting.findings
+    refuse_doubtful(
+        nesting.regions, chaining.gaps, flattening_tolerance, chaining_tolerance, source
+    )
     return Drawing(nesting.regions, nesting.layers, name, units_source, chosen, tuple(findings))
 
 

@@ -24,6 +24,9 @@ IntArray = NDArray[np.int64]
 EXACT: Final = 1e-6
 """Gaps up to this, in mm, are rounding of the file: closed without a finding each."""
 
+OUTLINED: Final = 33
+"""Places at which the shape of a curve of an open chain is looked at."""
+
 DUPLICATE: Final = 1e-4
 """Curves that agree within this, in mm (or the chaining tolerance, if less), are duplicates."""
 
@@ -52,11 +55,22 @@ class Chain:
 
 @dataclass(frozen=True)
 class Gap:
-    """Two loose ends of a chain that is not closed, in mm."""
+    """Two loose ends of a chain that is not closed, in mm.
+
+    Attributes
+    ----------
+    start, end : tuple of float
+    size : float
+        Their distance.
+    outline : (n, 2) float array or None
+        From one to the other along the chain, at least four points; None where it has branches or
+        further ends, and for one straight line.
+    """
 
     start: tuple[float, float]
     end: tuple[float, float]
     size: float
+    outline: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -502,5 +516,30 @@ def _open_chains(
         handle = pieces[component[0]].handle
         measure = min(size, near) if len(loose) > 1 else near
         findings.append(_finding(Severity.WARNING, "open-chain", text, handle, first, measure))
-        gaps.append(Gap((float(first[0]), float(first[1])), (float(last[0]), float(last[1])), size))
+        outline = _outline(component, edges, at, loose) if len(loose) == 2 else None
+        ends = (float(first[0]), float(first[1])), (float(last[0]), float(last[1]))
+        gaps.append(Gap(*ends, size, outline))
     return gaps
+
+
+def _outline(
+    component: list[int], edges: list[Edge], at: dict[int, list[int]], loose: list[int]
+) -> FloatArray | None:
+    """Places along an open chain without branches, from its first loose end."""
+    if any(
+        len(at[node]) > 2 for index in component for node in (edges[index].start, edges[index].end)
+    ):
+        return None
+    node, left, parts = loose[0], set(component), []
+    while left:
+        index = next((item for item in at[node] if item in left), None)
+        if index is None:
+            return None
+        left.discard(index)
+        edge = edges[index]
+        points = edge.curve.point(np.linspace(0.0, 1.0, OUTLINED))
+        backward = edge.start != node
+        parts.append(points[::-1] if backward else points)
+        node = edge.start if backward else edge.end
+    outline = np.concatenate(parts)
+    return outline if len(parts) > 1 or not isinstance(edges[component[0]].curve, Line) else None
