@@ -705,7 +705,24 @@ def test_fronts_that_are_left_to_the_last_lap_are_told_of() -> None:
         pocket._stock.fronts = Fronts([Front(front.points[:size])])
         pocket._give_up(0)
         assert not pocket._stock.fronts and len(pocket._stock.left) == 1 + told
-        assert [finding.code for finding in pocket.findings] == ["full-width"] * told
+        assert len(pocket._slots) == told
+    pocket._tell_slots()
+    assert [finding.code for finding in pocket.findings] == ["full-width"]
+
+
+def test_a_slot_as_wide_as_the_tool_off_a_room_is_told() -> None:
+    """A cut along the wall does not run into it: there the rim meets the front beside the tool."""
+    corners = [(0, 0), (30, 0), (30, 7), (60, 7), (60, 13), (30, 13), (30, 20), (0, 20)]
+    pockets, _ = adaptive_pockets(medial_axis(Region(Loop.from_points(corners), ())), settings_of())
+    (pocket,) = pockets
+    pocket.plan(pocket.peak)
+    cuts = [stroke.path for stroke in pocket.strokes if stroke.role is Role.CUT]
+    assert {"full-width"} == {item.code for item in pocket.findings}
+    assert max(path.points[:, 0].max() for path in cuts) > 56
+    area = shapely.Polygon(corners)
+    strokes = [*pocket.strokes, *pocket.finish]
+    reached = area.buffer(-RADIUS + 2e-4, join_style="mitre").buffer(RADIUS - 2e-4, quad_segs=64)
+    assert reached.difference(swept(strokes, RADIUS)).area <= 5e-4 * reached.area
 
 
 def test_links_bend_no_tighter_than_asked_and_tight_cuts_are_told_of() -> None:
@@ -754,6 +771,7 @@ def test_ways_along_walls_leave_edges_of_the_stock_on_their_left() -> None:
     _, _, whole = pocket._cut_corners([(0, 40)], place, heading, False)
     assert whole and not pocket._steps, "a slot is not for while the tool is on its way"
     pocket._cut_corners([(0, 90)], place, heading, True)
+    pocket._tell_slots()
     assert [finding.code for finding in pocket.findings] == ["full-width"]
     (front,) = pocket._stock.fronts
     along, off = pocket._walls.heading[20], pocket._walls.points[20]

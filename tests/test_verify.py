@@ -324,6 +324,31 @@ def test_rapid_into_a_cleared_hole_is_no_hit() -> None:
     assert kinds(result) == {"uncut"}
 
 
+@pytest.mark.parametrize("narrower", [0.0, 1e-4])
+def test_slots_and_holes_as_wide_as_the_tool_have_to_be_cut(narrower: float) -> None:
+    """The tool centre has no area there, but a way, or a place where it may plunge."""
+    radius = target().tool_radius
+    wide = 2 * radius - narrower
+    slot = shapely.box(10.0, 10.0, 40.0, 10.0 + wide)
+    hole = shapely.box(10.0, 30.0, 10.0 + wide, 30.0 + wide)
+    region = shapely.MultiPolygon([slot, hole])
+    for ways, uncut in ((2, False), (1, True), (0, True)):
+        builder = ToolpathBuilder((10.0 + radius, 10.0 + wide / 2, 5.0))
+        if ways > 0:
+            builder.line(10.0 + radius, 10.0 + wide / 2, -2.0, 100.0)
+            builder.line(40.0 - radius, 10.0 + wide / 2, -2.0, 600.0)
+            builder.rapid(40.0 - radius, 10.0 + wide / 2, 5.0)
+        if ways > 1:
+            builder.rapid(10.0 + wide / 2, 30.0 + wide / 2, 5.0)
+            builder.line(10.0 + wide / 2, 30.0 + wide / 2, -2.0, 100.0)
+            builder.rapid(10.0 + wide / 2, 30.0 + wide / 2, 5.0)
+        result = judge(builder, target(region=region, entry="plunge"))
+        assert ("uncut" in kinds(result)) == uncut
+        assert result.operations[0].reachable_area_mm2 == pytest.approx(
+            (30 - wide) * wide + 2 * math.pi * radius**2, rel=1e-3
+        )
+
+
 def test_fast_moves_keep_to_what_is_cleared() -> None:
     """A link through stock at its own feed breaks a tool; back over what was cut it is right."""
     for first, fault in ((3000.0, True), (600.0, False)):

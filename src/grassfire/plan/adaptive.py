@@ -192,6 +192,7 @@ class AdaptivePocket:
         )
         self._thickest = self._crescent() if settings.finish else ALLOWANCE
         self._length = 0.0
+        self._slots: list[tuple[FloatArray, float]] = []
         self._starts: dict[Front, list[Start]] = {}
         self._steps: list[Stroke | Sense] = []
         self._cuts: dict[Sense, list[Cut]] = {sense: [] for sense in self._senses}
@@ -221,6 +222,7 @@ class AdaptivePocket:
                 break
             place, heading = self._cut_fronts(place, heading)
         self.strokes = self._written()
+        self._tell_slots()
         self._tell_turns()
         rings = [ring if settings.climb else ring.reversed() for ring in self._part.rings]
         here = self._walls.frame(place[None])[0]
@@ -287,12 +289,8 @@ class AdaptivePocket:
                     continue
                 self._land(place, landing, start)
             for first, last in slots:
-                message = (
-                    "what is left along the wall is cut in full width, past the engagement limit; "
-                    "a smaller tool may keep to it"
-                )
                 middle = self._walls.frame(path.point((first + last) / 2)[None])[0]
-                self.findings.append(_full_width(message, middle, last - first))
+                self._slots.append((middle, last - first))
             self._peck(path, [ends for ends in past if ends not in slots])
             place, heading = path.end, float(self._walls.heading[high])
             self._stock.passed_by(path.sample(self._step)[0])
@@ -486,12 +484,8 @@ class AdaptivePocket:
         """Leave a front to the wall pass."""
         front = self._stock.fronts[index]
         if front.length > self._radius:
-            message = (
-                "what is left here is cut in full width, past the engagement limit: the tool "
-                "cannot come to it through cleared area; a smaller tool may"
-            )
             place = self._walls.frame(front.points[len(front) // 2][None])[0]
-            self.findings.append(_full_width(message, place, front.length))
+            self._slots.append((place, front.length))
         self._stock.leave(index)
 
     def _in_tip(self, cut: Cut, sense: Sense) -> bool:
@@ -594,6 +588,17 @@ class AdaptivePocket:
                 path = self._walls.path(path)
                 strokes.append(Stroke(StrokeKind.FEED, path, Role.CUT, steady=True))
         return strokes
+
+    def _tell_slots(self) -> None:
+        """Note where cuts are in full width: all such places at once, and the longest."""
+        if self._slots:
+            place, size = max(self._slots, key=lambda slot: slot[1])
+            message = (
+                f"cut in full width, past the engagement limit, at {len(self._slots)} places where "
+                "no way leads through cleared area or the walls leave no room to swing; a smaller "
+                "tool may keep to it"
+            )
+            self.findings.append(_full_width(message, place, size))
 
     def _tell_turns(self) -> None:
         """Note where cuts turn tighter than asked: corners and narrow places leave no other way."""

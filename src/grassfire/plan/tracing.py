@@ -488,7 +488,16 @@ class Tracer:
             angle = touch.engagement[late]
             film = touch.found[late] & (angle >= 0) & (angle <= self._film)
             spent[late] = behind | film | (np.hypot(gap[:, 0], gap[:, 1]) > self._radius)
-        spent[self._entered(cut, place, self._walls.heading[samples], touch.found)] = True
+        heading = self._walls.heading[samples]
+        spent[self._entered(cut, place, heading, touch.found)] = True
+        if cut.beside is not None:
+            # in a slot the rim meets the front beside the tool: that is no edge behind it
+            rows = touch.beside.nonzero()[0]
+            limit = cut.limit + BESIDES
+            past = self.past(
+                cut.beside.cleared, place.take(rows, axis=0), heading.take(rows), limit
+            )
+            spent[rows[past]] = True
         return _first(spent)
 
     def _clear_until(self, cut: _Cut, place: FloatArray, heading: FloatArray) -> int:
@@ -579,18 +588,23 @@ class Tracer:
         offset = point - place
         bearing = np.arctan2(offset[:, 1], offset[:, 0])
         angle = wrapped(bearing - heading + np.pi / 2)
-        engagement = np.where(found & (angle < 0.9 * np.pi), angle, -1.0)
-        return _Touch(found, engagement, point, bearing, before)
+        ahead = angle < 0.9 * np.pi
+        engagement = np.where(found & ahead, angle, -1.0)
+        return _Touch(found, engagement, point, bearing, before, found & ~ahead)
 
 
 class _Touch(NamedTuple):
-    """Crossings of rim and front, one row a wall sample; `passed` counts from the cut's index."""
+    """Crossings of rim and front, one row a wall sample; `passed` counts from the cut's index.
+
+    `beside` says where the front is met on the left of the tool or behind it: none is engaged then.
+    """
 
     found: BoolArray
     engagement: FloatArray
     point: FloatArray
     bearing: FloatArray
     passed: IntArray
+    beside: BoolArray
 
 
 def _eased(front: FloatArray, limit: float, ease: tuple[float, float] | None) -> FloatArray:

@@ -50,6 +50,11 @@ _SLIVER = 0.5
 _SLIVER_WIDTH = 0.05
 """Widest sliver that moves at raised feed may take on their way, as a part of the tool radius."""
 
+_NARROWER, _OUTLINE, _SEEN = 1.5e-4, 5e-5, 1e-3
+"""How much narrower than the tool, on either side, places may be that it has to clear, mm: rounding
+of a slot that is drawn as wide as the tool; how far outlines may be simplified for that; and by how
+much narrower a tool slots and holes are seen that have no area for it."""
+
 _POINT = 0.02
 """Positions of the tool within so much of each other are one place, mm: only a plunge enters it."""
 
@@ -257,18 +262,34 @@ def _reach_of(target: Target, grid: Grid, fitting_tolerance: float) -> _Reach:
     import shapely
 
     radius, segments = target.tool_radius, _QUADRANT_SEGMENTS
-    region = shapely.simplify(target.region, 2e-4)
-    centres = region.buffer(-radius - target.radial_allowance, quad_segs=segments)
-    area = centres.buffer(radius, quad_segs=segments).area if not centres.is_empty else 0.0
-    opened = area
+    region = shapely.simplify(target.region, _OUTLINE)
+    fitting = radius - _NARROWER
+
+    def opened(centres: BaseGeometry) -> float:
+        return float(centres.buffer(fitting, quad_segs=segments).area)
+
+    bare = centres = _eroded(region, fitting)
     if target.radial_allowance > 0:
-        bare = region.buffer(-radius, quad_segs=segments)
-        opened = bare.buffer(radius, quad_segs=segments).area if not bare.is_empty else 0.0
-    sure = _entered(centres, target.entry).buffer(-fitting_tolerance, quad_segs=segments)
-    margin = fitting_tolerance + 0.2 * grid.cell
-    sure = sure.buffer(max(radius - margin, 0.5 * radius), quad_segs=segments)
-    unreachable = max(target.region.area - opened, 0.0)
-    return _Reach(float(area), float(unreachable), cells_inside(sure, grid).ravel())
+        centres = _eroded(region, fitting + target.radial_allowance)
+    margin = 2 * fitting_tolerance + 0.2 * grid.cell
+    sure = _entered(centres, target.entry)
+    sure = sure.buffer(max(fitting - margin, 0.5 * radius), quad_segs=segments)
+    unreachable = max(target.region.area - opened(bare), 0.0)
+    return _Reach(opened(centres), unreachable, cells_inside(sure, grid).ravel())
+
+
+def _eroded(region: BaseGeometry, distance: float) -> BaseGeometry:
+    """Return the places in a region that are at least so far from its boundary, mm."""
+    import shapely
+
+    parts = shapely.get_parts(region)
+    eroded = shapely.buffer(parts, -distance, quad_segs=_QUADRANT_SEGMENTS)
+    # points and lines, and what is hardly more, are lost in that
+    lost = np.flatnonzero(shapely.is_empty(eroded))
+    widest = shapely.maximum_inscribed_circle(parts[lost], tolerance=_NARROWER / 4)
+    lost = lost[shapely.length(widest) >= distance]
+    eroded[lost] = shapely.buffer(parts[lost], _SEEN - distance, quad_segs=_QUADRANT_SEGMENTS)
+    return shapely.union_all(eroded)
 
 
 def _entered(centres: BaseGeometry, entry: str) -> BaseGeometry:
