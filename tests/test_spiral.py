@@ -66,9 +66,17 @@ def ellipse() -> Loop:
     return Loop((EllipticalArc(np.zeros(2), major, minor, 0.0, 2 * np.pi),))
 
 
+def chords(loop: Loop, count: int) -> Loop:
+    """A closed curve as so many short lines."""
+    (curve,) = loop.curves
+    return Loop.from_points(curve.point(np.arange(count) / count))
+
+
 REGIONS: dict[str, Callable[[], Region]] = {
     "circle": lambda: Region(disk(0, 0, 40), ()),
     "ellipse": lambda: Region(ellipse(), ()),
+    "circle of lines": lambda: Region(chords(disk(0, 0, 40), 200), ()),
+    "ellipse of lines": lambda: Region(chords(ellipse(), 300), ()),
     "rectangle": lambda: Region(box(0, 0, 100, 60), ()),
     "triangle": lambda: Region(polygon((0, 0), (60, 0), (20, 50)), ()),
     "ell": lambda: Region(polygon((0, 0), (60, 0), (60, 24), (24, 24), (24, 60), (0, 60)), ()),
@@ -77,7 +85,15 @@ REGIONS: dict[str, Callable[[], Region]] = {
     "islands": lambda: Region(box(0, 0, 70, 50), (disk(20, 18, 6), disk(48, 28, 8))),
     "near islands": lambda: Region(box(0, 0, 60, 40), (disk(20, 20, 6), disk(38.2, 20, 6))),
 }
-ONE_LOBE = ("circle", "ellipse", "rectangle", "triangle", "ell")
+ONE_LOBE = (
+    "circle",
+    "ellipse",
+    "circle of lines",
+    "ellipse of lines",
+    "rectangle",
+    "triangle",
+    "ell",
+)
 
 
 def settings_of(**changes: float | bool | str) -> ClearingSettings:
@@ -220,6 +236,15 @@ def test_length_of_compact_pockets(name: str, most: float) -> None:
     (pocket,) = planned(name)
     length = sum(stroke.path.length for stroke in pocket.strokes)
     assert length <= most * polygon_of(name).area / STEPOVER
+
+
+@pytest.mark.parametrize("name", ["circle", "ellipse"])
+def test_short_lines_are_cleared_as_the_curve_that_they_stand_for(name: str) -> None:
+    """Each corner between them has a branch of its own: laps do not swing out into these."""
+    curve, lines = (
+        sum(path.length for path in flat(planned(which))) for which in (name, f"{name} of lines")
+    )
+    assert lines == pytest.approx(curve, rel=0.02)
 
 
 @pytest.mark.parametrize("climb", [True, False])

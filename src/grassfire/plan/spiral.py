@@ -44,6 +44,9 @@ ROUNDS = 4
 HELPS = 0.7
 """More laps must leave less than this part of what laps are too far apart."""
 
+STUB = 0.05
+"""Part of the spacing of laps by which corners between short lines may be nearer to the wall."""
+
 SLACK = 5e-4
 """Part of the stepover by which measured laps may miss it."""
 
@@ -216,7 +219,8 @@ class SpiralPocket:
         """Impulses to the wall for each lobe; none where a wall lap clears all."""
         settings, pitch = self._settings, self._pitch
         narrow = NARROW * settings.tool_radius
-        if not self._chains:
+        chains = spiral_tree.without_stubs(spiral_tree.joined(self._chains), STUB * pitch.spacing)
+        if not chains:
             room = self._part.peak_radius - settings.wall
             if room <= narrow:
                 return []
@@ -224,7 +228,7 @@ class SpiralPocket:
         # another descent takes its own way at half the feed, and a retract
         another = 2 * settings.drop / np.tan(settings.slope) + settings.longest_walk
         sizes = Sizes(pitch.spacing, pitch.tube, narrow, float(another))
-        chains, nodes = spiral_tree.opened(spiral_tree.joined(self._chains), self._nodes)
+        chains, nodes = spiral_tree.opened(chains, self._nodes)
         result = []
         for lobe in lobes(chains, nodes, sizes):
             waves = spiral_wave.wave(lobe.branches, pitch.tube, lobe.trunk)

@@ -168,6 +168,48 @@ def joined(chains: Sequence[Chain]) -> list[Chain]:
     return result
 
 
+def without_stubs(chains: Sequence[Chain], most: float) -> list[Chain]:
+    """Chains without dead ends that lead hardly further than the disk at their beginning.
+
+    Every corner between the short lines that stand for a curve has one. Laps drawn out into each
+    would swing in and out; the wall lap clears what is left there.
+
+    Parameters
+    ----------
+    chains : sequence of Chain
+    most : float
+        How much further than the disk dead ends may lead that are left out, mm.
+    """
+    alive = list(chains)
+    beyond: dict[int, float] = {}
+    while True:
+        degree: dict[int, int] = {}
+        for chain in alive:
+            for node in (chain.start, chain.end):
+                degree[node] = degree.get(node, 0) + 1
+        kept = []
+        for chain in alive:
+            ends = [
+                (float(chain.room[0]), chain.reversed()) if degree[chain.start] == 1 else None,
+                (float(chain.room[-1]), chain) if degree[chain.end] == 1 else None,
+            ]
+            # from the narrower end, where both are loose
+            _, way = min((it for it in ends if it), key=lambda it: it[0], default=(0.0, None))
+            if way is None or chain.start == chain.end or any(chain.closed):
+                kept.append(chain)
+                continue
+            reach = way.along + way.room
+            reach[-1] += beyond.get(way.end, 0.0)
+            rise = float(reach.max() - way.room[0])
+            if rise > most:
+                kept.append(chain)
+            else:
+                beyond[way.start] = max(beyond.get(way.start, 0.0), rise)
+        if len(kept) == len(alive):
+            return kept
+        alive = kept
+
+
 def _following(
     chain: Chain, chains: Sequence[Chain], at: dict[int, list[int]], done: set[int]
 ) -> Chain | None:
