@@ -296,6 +296,15 @@ def test_a_drawing_in_the_wrong_units_is_refused(tmp_path: Path) -> None:
         run(job, out=tmp_path / "out")
 
 
+def test_a_descent_from_here_to_the_moon_is_refused(tmp_path: Path) -> None:
+    job = write_job(tmp_path, Case(islands, 4.0, "grbl"))
+    text, count = re.subn(r"(?m)^depth = .*$", "depth = 1e9", job.read_text())
+    assert count == 1
+    job.write_text(re.sub(r"(?m)^stepdown = .*$", "", text))
+    with pytest.raises(PlanningError, match=r"km long.*check depth"):
+        run(job, out=tmp_path / "out")
+
+
 # Seeded faults in the text of real programs
 
 

@@ -144,7 +144,7 @@ def test_a_stepdown_over_the_depth_is_one_pass() -> None:
         (GOOD + "axial_allowance = 5\n", "operations[0].axial_allowance", "nothing would be cut"),
         (GOOD + "radial_allowance = -0.1\n", "operations[0].radial_allowance", "0"),
         (GOOD + 'entry = "drill"\n', "operations[0].entry", "'helix', 'ramp' or 'plunge'"),
-        (GOOD + "ramp_angle = 90\n", "operations[0].ramp_angle", "45"),
+        (GOOD + "ramp_angle = 90\n", "operations[0].ramp_angle", "30"),
         (GOOD + "[stock]\nthickness = 4\n", "operations[0].depth", "below the stock"),
         (GOOD + "[heights]\nretract = 20\n", "heights.retract", "above heights.clearance"),
         (changed("number = 1", 'number = 1\nshape = "v"'), "operations[0].tool", "'v'"),

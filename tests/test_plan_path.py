@@ -302,6 +302,11 @@ def test_nothing_to_cut_is_an_error(depth: float, stepdown: float, allowance: fl
         pass_floors(0.0, depth, stepdown, allowance)
 
 
+def test_more_passes_than_anyone_means_are_refused() -> None:
+    with pytest.raises(PlanningError, match=r"1e\+07 passes; make stepdown larger"):
+        pass_floors(0.0, 1e4, 1e-3, 0.0)
+
+
 def test_inside_arcs_are_slowed_to_the_edge_and_outside_ones_are_not() -> None:
     path = join(
         segment(np.zeros(2), np.array([3.0, 0.0])),

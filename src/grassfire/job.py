@@ -223,7 +223,7 @@ class Operation(_Settings):
     radial_allowance: NonNegativeLength = 0.0
     axial_allowance: NonNegativeLength = 0.0
     entry: Literal["helix", "ramp", "plunge"] = "helix"
-    ramp_angle: float = Field(3.0, gt=0, le=45, description="degrees")
+    ramp_angle: float = Field(3.0, gt=0, le=30, description="degrees")
     finish_pass: bool = True
     layers: tuple[str, ...] = Field((), description="glob patterns; empty: those of [input]")
     link_feed: Speed | None = None

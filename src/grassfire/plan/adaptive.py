@@ -235,7 +235,10 @@ class AdaptivePocket:
                 self.finish += last
         # the next pass begins over what this one has cleared
         end, first = self.strokes[-1].path.end, self.strokes[0]
-        self.strokes[0] = replace(first, approach=self._returns.across(end, first.path.start))
+        start = first.path.start
+        there = np.array_equal(end, start)
+        way = None if there else self._returns.across(end, start)
+        self.strokes[0] = replace(first, air=there, approach=way)
         return np.asarray(here)
 
     def _cut_fronts(self, place: FloatArray, heading: float) -> tuple[FloatArray, float]:

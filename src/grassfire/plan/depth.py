@@ -9,6 +9,9 @@ import numpy as np
 from grassfire.errors import PlanningError
 from grassfire.toolpath import FloatArray
 
+MOST_PASSES = 10_000
+"""More are taken for a mistake of units."""
+
 
 def pass_floors(top: float, depth: float, stepdown: float, axial_allowance: float) -> FloatArray:
     """Heights of the floors of all passes, equally spaced, the last at the full depth.
@@ -32,7 +35,7 @@ def pass_floors(top: float, depth: float, stepdown: float, axial_allowance: floa
     Raises
     ------
     PlanningError
-        If nothing is left to cut.
+        If nothing is left to cut, or that takes more than `MOST_PASSES`.
     """
     cut = depth - axial_allowance
     if cut <= 0 or stepdown <= 0:
@@ -43,4 +46,9 @@ def pass_floors(top: float, depth: float, stepdown: float, axial_allowance: floa
         )
     # a stepdown that divides the depth but for rounding must not give one pass more
     count = max(1, math.ceil(cut / stepdown - 1e-9))
+    if count > MOST_PASSES:
+        raise PlanningError(
+            f"a depth of {cut:g} mm in steps of {stepdown:g} mm takes {count:.4g} passes",
+            remedy=f"make stepdown larger: at most {MOST_PASSES} passes are planned",
+        )
     return np.asarray(top - cut * np.arange(1, count + 1) / count)

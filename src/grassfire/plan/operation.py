@@ -107,8 +107,8 @@ def plan_operation(
     Raises
     ------
     PlanningError
-        If the tool fits into no region, nothing is left to cut, or the cut would be longer than
-        `LONGEST_CUT`.
+        If the tool fits into no region, nothing is left to cut, there would be too many passes, or
+        cuts or descents would be longer than `LONGEST_CUT`.
     """
     findings: list[Finding] = []
     wall = tool.radius + operation.radial_allowance - FIT
@@ -140,9 +140,16 @@ def plan_operation(
 def _check_length(
     axes: Sequence[MedialAxis], tool: Tool, settings: ClearingSettings, passes: int
 ) -> None:
-    """Refuse what would be cut for weeks: area / stepover is the length of a pass, nearly."""
+    """Refuse what would take weeks: area / stepover is the length of a pass, nearly."""
     area = sum(axis.region.area for axis in axes if axis.largest_disk()[1] >= settings.wall)
     length = area / settings.stepover * passes
+    sunk = passes * settings.drop / math.tan(settings.slope)
+    if sunk > LONGEST_CUT:
+        raise PlanningError(
+            f"descents of {passes * settings.drop:.6g} mm at {math.degrees(settings.slope):g} "
+            f"degrees are {sunk / 1e6:.3g} km long",
+            remedy="check depth and ramp_angle",
+        )
     if length > LONGEST_CUT:
         raise PlanningError(
             f"clearing {area:.4g} mm2 with tool {tool.number} ({tool.diameter:g} mm) takes about "

@@ -143,7 +143,8 @@ class Tolerances:
     uncut_fraction, uncut_patch : float
         Uncut part of the reachable area, and largest connected patch in mm2, that are let pass.
     ramp_angle : float
-        Feed moves that descend through stock more steeply are plunges, radians.
+        Feed moves that descend through stock more steeply are plunges, radians: what jobs may
+        ask for, and a little for the chords of helices.
     engagement : float
         By how much a target's engagement limit may be exceeded, degrees.
     engagement_thickness : float, optional
@@ -161,7 +162,7 @@ class Tolerances:
     uncut_height: float = 0.02
     uncut_fraction: float = 0.001
     uncut_patch: float = 0.5
-    ramp_angle: float = math.radians(30.0)
+    ramp_angle: float = math.radians(31.0)
     engagement: float = 6.0
     engagement_thickness: float | None = None
     resolution: float | None = None
