@@ -761,6 +761,12 @@ def test_crossing_lines_without_a_node_stay_open(tmp_path: Path) -> None:
     assert "open-chain" in codes(drawing)
 
 
+def test_an_empty_file_is_named_so(tmp_path: Path) -> None:
+    (tmp_path / "empty.dxf").write_text("\n")
+    with pytest.raises(InputError, match="the file is empty"):
+        read_regions(tmp_path / "empty.dxf", units="mm")
+
+
 # Nesting and refusals ------------------------------------------------------------------------
 
 

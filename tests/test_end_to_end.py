@@ -21,6 +21,7 @@ import pytest
 import shapely
 
 from grassfire import (
+    GeometryError,
     GrassfireError,
     PlanningError,
     Program,
@@ -68,6 +69,13 @@ def islands(space: object) -> None:
     _rounded(space, 0, 0, 52, 34, 6)
     space.add_circle((14, 18), 4.5)  # type: ignore[attr-defined]
     _rounded(space, 28, 10, 14, 12, 2)
+
+
+def touching_bosses(space: object) -> None:
+    """A rounded rectangle with two round islands that touch."""
+    _rounded(space, 0, 0, 60, 40, 6)
+    space.add_circle((20, 20), 8)  # type: ignore[attr-defined]
+    space.add_circle((36, 20), 8)  # type: ignore[attr-defined]
 
 
 def free_form(space: object) -> None:
@@ -294,6 +302,11 @@ def test_a_drawing_in_the_wrong_units_is_refused(tmp_path: Path) -> None:
     job.write_text(job.read_text().replace("[input]", '[input]\nunits = "m"'))
     with pytest.raises(PlanningError, match=r"km of cuts.*check units"):
         run(job, out=tmp_path / "out")
+
+
+def test_contours_that_touch_are_named_with_the_place(tmp_path: Path) -> None:
+    with pytest.raises(GeometryError, match=r"contours touch at \(28, 20\); draw what touches"):
+        run(write_job(tmp_path, Case(touching_bosses, 4.0, "grbl")), out=tmp_path / "out")
 
 
 def test_a_descent_from_here_to_the_moon_is_refused(tmp_path: Path) -> None:

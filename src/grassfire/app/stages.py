@@ -135,6 +135,23 @@ def read_drawings(job: Job) -> tuple[Drawing, ...]:
     return tuple(known[_operation_layers(job, operation)] for operation in job.operations)
 
 
+def _contact(region: Region) -> tuple[float, float] | None:
+    """Where two contours of a region touch, mm; None where all are apart."""
+    import shapely
+
+    from grassfire.geometry import flatten
+
+    lines = [shapely.LineString(flatten(loop, TARGET_TOLERANCE)) for loop in region.loops]
+    first, second = shapely.STRtree(lines).query(
+        lines, predicate="dwithin", distance=4 * TARGET_TOLERANCE
+    )
+    for one, other in sorted(zip(first.tolist(), second.tolist(), strict=True)):
+        if one < other:
+            x, y = shapely.get_coordinates(shapely.shortest_line(lines[one], lines[other]))[0]
+            return float(x), float(y)
+    return None
+
+
 def axis_of(region: Region, source: str, tolerance: float = MEDIAL) -> MedialAxis:
     """The medial axis of a region; an error names the drawing and what to do about it."""
     from grassfire.medial import medial_axis
@@ -142,6 +159,14 @@ def axis_of(region: Region, source: str, tolerance: float = MEDIAL) -> MedialAxi
     try:
         return medial_axis(region, tolerance, ANGULAR)
     except GeometryError as error:
+        contact = _contact(region)
+        if contact is not None:
+            raise GeometryError(
+                "no certain medial axis: contours touch",
+                source=error.source or source,
+                place=contact,
+                remedy="draw what touches as one contour, or move it apart",
+            ) from error
         raise GeometryError(
             f"no certain medial axis: {error.message}",
             source=error.source or source,

@@ -140,7 +140,10 @@ def read_regions(
 
 def _read_bytes(file: Path, source: str) -> bytes:
     try:
-        return file.read_bytes()
+        data = file.read_bytes()
+        if not data.strip():
+            raise InputError("the file is empty", source=source, remedy="export the drawing again")
+        return data
     except FileNotFoundError:
         near: list[str] = []
         if file.parent.is_dir():
