@@ -7,9 +7,11 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import grassfire
@@ -443,3 +445,20 @@ def test_public_names_resolve() -> None:
     assert set(grassfire.__all__) <= set(dir(grassfire))
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = grassfire.nothing
+
+
+def test_of_many_findings_alike_the_first_are_printed(tmp_path: Path, invoke: Invoke) -> None:
+    import ezdxf
+
+    document = ezdxf.new("R2010")
+    document.header["$INSUNITS"] = 4
+    angle = np.linspace(0.0, 2.0 * np.pi, 41)
+    corners = 30.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    for start, end in pairwise(corners):
+        document.modelspace().add_line(start + np.array([1e-4, 0.0]), end)
+    document.saveas(tmp_path / "gaps.dxf")
+    code, out, _ = invoke("inspect", tmp_path / "gaps.dxf")
+    assert code == 0
+    assert out.count("repair: gap of") == cli.MOST_ALIKE - 1
+    assert f"... and {40 - cli.MOST_ALIKE + 1} more of gap-closed; --json gives all" in out
+    assert len(json.loads(invoke("inspect", tmp_path / "gaps.dxf", "--json")[1])["findings"]) == 40

@@ -13,6 +13,7 @@ import sys
 import time
 import traceback
 import warnings
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 
 TRACEBACK_VARIABLE: Final = "GRASSFIRE_TRACEBACK"
 INTERRUPTED: Final = 130
+MOST_ALIKE: Final = 12
+"""Lines about findings of one code that are printed; of more the first ones, and how many."""
 
 command = typer.Typer(
     name="grassfire",
@@ -166,9 +169,10 @@ def run(
 
 
 def _print_run(result: RunResult) -> None:
-    for finding in result.report.findings:
-        if finding.severity.rank > 0:
-            typer.echo(str(finding))
+    _print_findings(
+        [(it.code, str(it)) for it in result.report.findings if it.severity.rank > 0],
+        "the report has all",
+    )
     for index, figures in enumerate(result.report.operations):
         typer.echo(_operation_line(index, figures))
     seconds = result.report.seconds
@@ -238,11 +242,26 @@ def _print_inspection(found: Mapping[str, Any]) -> None:
         share = f"{100 * row['share']:.2f} %" if row["share"] > 0 else "fits nowhere"
         table.add_row(f"{row['diameter_mm']:g}", f"{row['reachable_area_mm2']:.2f}", share)
     console.print(table)
+    lines = []
     for finding in found["findings"]:
         place = finding["place"]
         where = f" at ({place[0]:.6g}, {place[1]:.6g})" if place else ""
         handle = f" [#{finding['handle']}]" if finding["handle"] else ""
-        typer.echo(f"{finding['severity']}: {finding['message']}{handle}{where}")
+        text = f"{finding['severity']}: {finding['message']}{handle}{where}"
+        lines.append((finding["code"], text))
+    _print_findings(lines, "--json gives all")
+
+
+def _print_findings(lines: Sequence[tuple[str, str]], rest: str) -> None:
+    """Print lines, each given with its code; of many with the same code the first ones."""
+    count = Counter(code for code, _ in lines)
+    shown: Counter[str] = Counter()
+    for code, text in lines:
+        shown[code] += 1
+        if count[code] <= MOST_ALIKE or shown[code] < MOST_ALIKE:
+            typer.echo(text)
+        elif shown[code] == MOST_ALIKE:
+            typer.echo(f"... and {count[code] - MOST_ALIKE + 1} more of {code}; {rest}")
 
 
 @command.command()
