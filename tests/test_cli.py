@@ -462,3 +462,17 @@ def test_of_many_findings_alike_the_first_are_printed(tmp_path: Path, invoke: In
     assert out.count("repair: gap of") == cli.MOST_ALIKE - 1
     assert f"... and {40 - cli.MOST_ALIKE + 1} more of gap-closed; --json gives all" in out
     assert len(json.loads(invoke("inspect", tmp_path / "gaps.dxf", "--json")[1])["findings"]) == 40
+
+
+def test_a_slot_as_wide_as_the_tool_is_reached(tmp_path: Path, invoke: Invoke) -> None:
+    import ezdxf
+
+    document = ezdxf.new("R2010")
+    document.header["$INSUNITS"] = 4
+    corners = [(0, 0), (40, 0), (40, 6), (0, 6)]
+    document.modelspace().add_lwpolyline(corners, close=True)
+    document.saveas(tmp_path / "slot.dxf")
+    _, out, _ = invoke("inspect", tmp_path / "slot.dxf", "--json", "--tool", "6", "--tool", "6.01")
+    fits, wider = json.loads(out)["tools"]
+    assert fits["reachable_area_mm2"] == pytest.approx(34 * 6 + 9 * np.pi, rel=1e-3)
+    assert wider["reachable_area_mm2"] == 0

@@ -148,7 +148,8 @@ def _contact(region: Region) -> tuple[float, float] | None:
     for one, other in sorted(zip(first.tolist(), second.tolist(), strict=True)):
         if one < other:
             x, y = shapely.get_coordinates(shapely.shortest_line(lines[one], lines[other]))[0]
-            return float(x), float(y)
+            # rounding alone shows as 1e-15
+            return round(float(x), 9) + 0.0, round(float(y), 9) + 0.0
     return None
 
 

@@ -32,14 +32,17 @@ def _reach(axes: Sequence[MedialAxis], diameters: Sequence[float]) -> list[float
     from shapely.geometry import Polygon
 
     from grassfire.geometry import flatten
+    from grassfire.plan.operation import FIT
 
     areas = [0.0] * len(diameters)
+    # as planned: a slot as wide as the tool is wide enough
+    distances = np.asarray(diameters, dtype=np.float64) / 2 - FIT
     for axis in axes:
         parts: list[list[Any]] = [[] for _ in diameters]
-        for node in axis.offset_tree(np.asarray(diameters, dtype=np.float64) / 2):
+        for node in axis.offset_tree(distances):
             outer, *islands = (flatten(loop, PICTURE_TOLERANCE / 10) for loop in node.loops)
             centres = Polygon(outer, islands)
-            parts[node.level].append(centres.buffer(diameters[node.level] / 2, quad_segs=32))
+            parts[node.level].append(centres.buffer(distances[node.level], quad_segs=32))
         for index, polygons in enumerate(parts):
             area = float(shapely.union_all(polygons).area) if polygons else 0.0
             areas[index] += min(area, axis.region.area)
