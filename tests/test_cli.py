@@ -472,7 +472,7 @@ def test_a_slot_as_wide_as_the_tool_is_reached(tmp_path: Path, invoke: Invoke) -
     corners = [(0, 0), (40, 0), (40, 6), (0, 6)]
     document.modelspace().add_lwpolyline(corners, close=True)
     document.saveas(tmp_path / "slot.dxf")
-    _, out, _ = invoke("inspect", tmp_path / "slot.dxf", "--json", "--tool", "6", "--tool", "6.01")
-    fits, wider = json.loads(out)["tools"]
-    assert fits["reachable_area_mm2"] == pytest.approx(34 * 6 + 9 * np.pi, rel=1e-3)
-    assert wider["reachable_area_mm2"] == 0
+    _, out, _ = invoke("inspect", tmp_path / "slot.dxf", "--json", "--tool", "6.01")
+    area = {row["diameter_mm"]: row["reachable_area_mm2"] for row in json.loads(out)["tools"]}
+    assert area[6.0] == pytest.approx(34 * 6 + 9 * np.pi, rel=1e-3)
+    assert area[6.01] == 0
