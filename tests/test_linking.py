@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from grassfire.app.stages import machining_order
 from grassfire.dxf import Drawing
 from grassfire.job import Job
+from grassfire.plan.entry import plunge
 from grassfire.plan.link import Interior, RingSet
 from grassfire.plan.offset import offset_pockets
 from grassfire.plan.operation import _feeds, _levels, _settings
@@ -280,6 +281,19 @@ def test_cuts_and_links_in_stock_are_never_lifted() -> None:
             Stroke(StrokeKind.FEED, way, role, air), 0.0, -2.0, first_pass=True
         )
         assert builder.build().end[:, 2].tolist() == [-2.0]
+
+
+def test_rapids_down_stay_above_what_the_pass_before_has_cleared() -> None:
+    """Cuts are fitted: beside a place of the tool a film of the own pass may stand."""
+    levels = Levels(0.0, 3.0, 15.0, 0.5, 5000.0, 0.0)
+    feeds = _feeds(job_of().operations[0], job_of().tool(1), 2.0)
+    builder = ToolpathBuilder((0.0, 0.0, -4.0))
+    hop = Stroke(StrokeKind.HOP, plunge(np.array([9.0, 0.0])), Role.LINK)
+    Emitter(builder, levels, feeds).stroke(hop, -2.0, -4.0, first_pass=False)
+    moves = builder.build()
+    rapid = moves.kind == MoveKind.RAPID
+    assert moves.end[rapid, 2].tolist() == [3.0, 3.0, -1.5]
+    assert moves.end[~rapid, 2].tolist() == [-4.0]
 
 
 def test_columns_of_moves_are_the_moves_one_by_one() -> None:

@@ -178,7 +178,8 @@ class Emitter:
         elif stroke.kind is StrokeKind.HOP:
             start = stroke.path.start
             self.travel(start, self.levels.retract)
-            self.lower(min(floor + self.levels.above_floor, self.levels.retract))
+            # cuts are fitted: beside the place a film of this pass may stand
+            self.lower(self.levels.entry_height(previous_floor))
             self.builder.line(start[0], start[1], floor, self.feeds.plunge, Role.LINK)
         else:
             feed = self._speeds(stroke)
