@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import ezdxf
 import numpy as np
@@ -71,11 +72,11 @@ def islands(space: object) -> None:
     _rounded(space, 28, 10, 14, 12, 2)
 
 
-def touching_bosses(space: object) -> None:
+def touching_bosses(space: Any) -> None:
     """A rounded rectangle with two round islands that touch."""
     _rounded(space, 0, 0, 60, 40, 6)
-    space.add_circle((20, 20), 8)  # type: ignore[attr-defined]
-    space.add_circle((36, 20), 8)  # type: ignore[attr-defined]
+    space.add_circle((20, 20), 8)
+    space.add_circle((36, 20), 8)
 
 
 def free_form(space: object) -> None:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from grassfire.app import Progress, RunResult
-    from grassfire.report import OperationFigures
+    from grassfire.report import Finding, OperationFigures
 
 TRACEBACK_VARIABLE: Final = "GRASSFIRE_TRACEBACK"
 INTERRUPTED: Final = 130
@@ -170,8 +170,7 @@ def run(
 
 def _print_run(result: RunResult) -> None:
     _print_findings(
-        [(it.code, str(it)) for it in result.report.findings if it.severity.rank > 0],
-        "the report has all",
+        [item for item in result.report.findings if item.severity.rank > 0], "the report has all"
     )
     for index, figures in enumerate(result.report.operations):
         typer.echo(_operation_line(index, figures))
@@ -219,6 +218,8 @@ def _table(*heads: str) -> Table:
 def _print_inspection(found: Mapping[str, Any]) -> None:
     from rich.console import Console
 
+    from grassfire.report import Finding, Severity
+
     width = None if sys.stdout.isatty() else 120
     console = Console(highlight=False, soft_wrap=True, width=width)
     console.print(
@@ -242,24 +243,21 @@ def _print_inspection(found: Mapping[str, Any]) -> None:
         share = f"{100 * row['share']:.2f} %" if row["share"] > 0 else "fits nowhere"
         table.add_row(f"{row['diameter_mm']:g}", f"{row['reachable_area_mm2']:.2f}", share)
     console.print(table)
-    lines = []
-    for finding in found["findings"]:
-        place = finding["place"]
-        where = f" at ({place[0]:.6g}, {place[1]:.6g})" if place else ""
-        handle = f" [#{finding['handle']}]" if finding["handle"] else ""
-        text = f"{finding['severity']}: {finding['message']}{handle}{where}"
-        lines.append((finding["code"], text))
-    _print_findings(lines, "--json gives all")
+    findings = [
+        Finding(**(data | {"severity": Severity(data["severity"])})) for data in found["findings"]
+    ]
+    _print_findings(findings, "--json gives all")
 
 
-def _print_findings(lines: Sequence[tuple[str, str]], rest: str) -> None:
-    """Print lines, each given with its code; of many with the same code the first ones."""
-    count = Counter(code for code, _ in lines)
+def _print_findings(findings: Sequence[Finding], rest: str) -> None:
+    """Print findings a line each; of many with the same code the first ones."""
+    count = Counter(finding.code for finding in findings)
     shown: Counter[str] = Counter()
-    for code, text in lines:
+    for finding in findings:
+        code = finding.code
         shown[code] += 1
         if count[code] <= MOST_ALIKE or shown[code] < MOST_ALIKE:
-            typer.echo(text)
+            typer.echo(str(finding))
         elif shown[code] == MOST_ALIKE:
             typer.echo(f"... and {count[code] - MOST_ALIKE + 1} more of {code}; {rest}")
 

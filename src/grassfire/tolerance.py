@@ -15,3 +15,6 @@ ANGULAR: Final = 1e-4
 
 MACHINING: Final = 0.002
 """How far a tool path may deviate from the exact curve, in mm."""
+
+FITTING: Final = 2e-4
+"""How far a pocket may be too narrow for the tool and still count as just wide enough, in mm."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from grassfire.app.stages import PICTURE_TOLERANCE, Progress, Stopwatch, axis_of, walls_of
 from grassfire.errors import GeometryError, InputError
-from grassfire.tolerance import CHAINING, MEDIAL
+from grassfire.tolerance import CHAINING, FITTING, MEDIAL
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,11 +32,10 @@ def _reach(axes: Sequence[MedialAxis], diameters: Sequence[float]) -> list[float
     from shapely.geometry import Polygon
 
     from grassfire.geometry import flatten
-    from grassfire.plan.operation import FIT
 
     areas = [0.0] * len(diameters)
     # as planned: a slot as wide as the tool is wide enough
-    distances = np.asarray(diameters, dtype=np.float64) / 2 - FIT
+    distances = np.asarray(diameters, dtype=np.float64) / 2 - FITTING
     for axis in axes:
         parts: list[list[Any]] = [[] for _ in diameters]
         for node in axis.offset_tree(distances):

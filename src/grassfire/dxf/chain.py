@@ -63,8 +63,8 @@ class Gap:
     size : float
         Their distance.
     outline : (n, 2) float array or None
-        From one to the other along the chain, at least four points; None where it has branches or
-        further ends, and for one straight line.
+        From one to the other along the chain; None where it has branches or further ends, and for
+        a single line.
     """
 
     start: tuple[float, float]
@@ -332,7 +332,7 @@ def _cycles(
         )
         branches = [node for node in nodes if degree[node] > 2]
         if not branches:
-            cycles.append(_walk(component, edges, at, alive))
+            cycles.append(_walk((component[0], False), edges, at, alive))
             continue
         for node in branches:
             text = f"{degree[node]} curves meet: split into the faces between them"
@@ -373,16 +373,19 @@ def _components(edges: list[Edge], at: dict[int, list[int]], alive: set[int]) ->
 
 
 def _walk(
-    component: list[int], edges: list[Edge], at: dict[int, list[int]], alive: set[int]
+    first: tuple[int, bool], edges: list[Edge], at: dict[int, list[int]], alive: set[int]
 ) -> list[tuple[int, bool]]:
-    """Return the one closed walk of a component where two curves meet at every node."""
+    """Return the walk from an edge on, backwards or not, where two curves meet at every node.
+
+    It ends where it would begin again, or where nothing goes on.
+    """
     walk = []
-    index, backward = component[0], False
+    index, backward = first
     while True:
         walk.append((index, backward))
         node = edges[index].start if backward else edges[index].end
         others = [other for other in at[node] if other != index and other in alive]
-        if not others or others[0] == component[0]:
+        if not others or others[0] == first[0]:
             return walk
         index = others[0]
         backward = edges[index].start != node
@@ -516,30 +519,26 @@ def _open_chains(
         handle = pieces[component[0]].handle
         measure = min(size, near) if len(loose) > 1 else near
         findings.append(_finding(Severity.WARNING, "open-chain", text, handle, first, measure))
-        outline = _outline(component, edges, at, loose) if len(loose) == 2 else None
+        outline = _outline(component, edges, at, loose[0]) if len(loose) == 2 else None
         ends = (float(first[0]), float(first[1])), (float(last[0]), float(last[1]))
         gaps.append(Gap(*ends, size, outline))
     return gaps
 
 
 def _outline(
-    component: list[int], edges: list[Edge], at: dict[int, list[int]], loose: list[int]
+    component: list[int], edges: list[Edge], at: dict[int, list[int]], loose: int
 ) -> FloatArray | None:
-    """Places along an open chain without branches, from its first loose end."""
-    if any(
-        len(at[node]) > 2 for index in component for node in (edges[index].start, edges[index].end)
-    ):
+    """Places along an open chain from a loose end to the other.
+
+    None where it has branches, and for a single line, which goes round nothing.
+    """
+    if len(component) == 1 and isinstance(edges[component[0]].curve, Line):
         return None
-    node, left, parts = loose[0], set(component), []
-    while left:
-        index = next((item for item in at[node] if item in left), None)
-        if index is None:
-            return None
-        left.discard(index)
-        edge = edges[index]
-        points = edge.curve.point(np.linspace(0.0, 1.0, OUTLINED))
-        backward = edge.start != node
-        parts.append(points[::-1] if backward else points)
-        node = edge.start if backward else edge.end
-    outline = np.concatenate(parts)
-    return outline if len(parts) > 1 or not isinstance(edges[component[0]].curve, Line) else None
+    ends = [node for index in component for node in (edges[index].start, edges[index].end)]
+    if any(len(at[node]) > 2 for node in ends):
+        return None
+    (first,) = at[loose]
+    walk = _walk((first, edges[first].start != loose), edges, at, set(component))
+    share = np.linspace(0.0, 1.0, OUTLINED)
+    parts = [edges[index].curve.point(share[::-1] if back else share) for index, back in walk]
+    return np.concatenate(parts)

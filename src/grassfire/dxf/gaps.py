@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-import numpy as np
-
-from grassfire.dxf.chain import FloatArray, Gap
+from grassfire.dxf.chain import Gap
 from grassfire.errors import InputError
 from grassfire.geometry import Region, flatten
 
@@ -49,7 +47,8 @@ def refuse_doubtful(
     nearly = [
         (gap, gap.outline)
         for gap in sorted(gaps, key=lambda item: item.size)
-        if gap.outline is not None and gap.size <= NEARLY_CLOSED * _length(gap.outline)
+        if gap.outline is not None
+        and gap.size <= NEARLY_CLOSED * shapely.LineString(gap.outline).length
     ]
     if not nearly:
         return
@@ -77,8 +76,3 @@ def refuse_doubtful(
             remedy=f"close it, raise chaining_tolerance (now {chaining_tolerance:g} mm), or leave "
             "it out by its layer",
         )
-
-
-def _length(points: FloatArray) -> float:
-    chord = np.diff(points, axis=0)
-    return float(np.hypot(chord[:, 0], chord[:, 1]).sum())

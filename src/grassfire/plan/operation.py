@@ -19,10 +19,8 @@ from grassfire.plan.reach import Reach, reach
 from grassfire.plan.strategy import ClearingSettings, PocketPlan
 from grassfire.plan.strokes import Emitter, Levels
 from grassfire.report import Finding, Severity
+from grassfire.tolerance import FITTING
 from grassfire.toolpath import FloatArray, Toolpath, ToolpathBuilder
-
-FIT = 2e-4
-"""How far a pocket may be too narrow for the tool and still count as just wide enough, mm."""
 
 WALL_FIT = 0.35
 """Part of the job's tolerance for the fit of wall rings; the rest is for rounding in the text."""
@@ -111,7 +109,7 @@ def plan_operation(
         cuts or descents would be longer than `LONGEST_CUT`.
     """
     findings: list[Finding] = []
-    wall = tool.radius + operation.radial_allowance - FIT
+    wall = tool.radius + operation.radial_allowance - FITTING
     floors = pass_floors(
         job.stock.top, operation.depth, operation.stepdown, operation.axial_allowance
     )
@@ -199,7 +197,7 @@ def _settings(
     drop = step + levels.entry_height(levels.top) - levels.top
     return ClearingSettings(
         tool_radius=tool.radius,
-        wall=tool.radius + operation.radial_allowance - FIT,
+        wall=tool.radius + operation.radial_allowance - FITTING,
         stepover=operation.stepover_fraction * tool.diameter,
         engagement=operation.engagement_angle_radians,
         tolerance=job.tolerance * WALL_FIT,

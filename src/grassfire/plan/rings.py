@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from grassfire.geometry.curve import cross
 from grassfire.medial import MedialAxis, OffsetNode
 from grassfire.plan.path import IntArray, Path, from_loop
 from grassfire.toolpath import FloatArray
@@ -235,11 +236,6 @@ class _Pieces:
         spoke = (place - self.centre) * side[:, None]
         turned = np.stack([-spoke[:, 1], spoke[:, 0]], axis=1)
         return np.where(self.is_arc[:, None], turned, self.unit)
-
-
-def cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    """(n,) cross products of plane vectors (n, 2)."""
-    return np.asarray(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
 
 
 def _touching(pieces: _Pieces, one: IntArray, two: IntArray, size: FloatArray) -> FloatArray:

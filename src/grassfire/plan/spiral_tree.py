@@ -6,6 +6,7 @@ the left, visits every place twice, once for each side: in the order of the wall
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -183,21 +184,19 @@ def without_stubs(chains: Sequence[Chain], most: float) -> list[Chain]:
     alive = list(chains)
     beyond: dict[int, float] = {}
     while True:
-        degree: dict[int, int] = {}
-        for chain in alive:
-            for node in (chain.start, chain.end):
-                degree[node] = degree.get(node, 0) + 1
+        degree = Counter(node for chain in alive for node in (chain.start, chain.end))
         kept = []
         for chain in alive:
-            ends = [
-                (float(chain.room[0]), chain.reversed()) if degree[chain.start] == 1 else None,
-                (float(chain.room[-1]), chain) if degree[chain.end] == 1 else None,
+            loose = [
+                way
+                for way, node in ((chain.reversed(), chain.start), (chain, chain.end))
+                if degree[node] == 1
             ]
-            # from the narrower end, where both are loose
-            _, way = min((it for it in ends if it), key=lambda it: it[0], default=(0.0, None))
-            if way is None or chain.start == chain.end or any(chain.closed):
+            if not loose or any(chain.closed):
                 kept.append(chain)
                 continue
+            # from the narrower end, where both are loose
+            way = min(loose, key=lambda it: float(it.room[-1]))
             reach = way.along + way.room
             reach[-1] += beyond.get(way.end, 0.0)
             rise = float(reach.max() - way.room[0])

@@ -359,8 +359,8 @@ class Tracer:
                 if left is None:
                     return False
                 sample, bearing = -1, left
-            left, over = LEAVING
-            ease = (cut.limit - left, over * self._radius) if cut.limit < WIDE_CUT else None
+            less, over = LEAVING
+            ease = (cut.limit - less, over * self._radius) if cut.limit < WIDE_CUT else None
         raise PlanningError(
             "a cut went back and forth between wall and open without end",
             place=(float(cut.point[0]), float(cut.point[1])),
@@ -489,15 +489,10 @@ class Tracer:
             film = touch.found[late] & (angle >= 0) & (angle <= self._film)
             spent[late] = behind | film | (np.hypot(gap[:, 0], gap[:, 1]) > self._radius)
         heading = self._walls.heading[samples]
-        spent[self._entered(cut, place, heading, touch.found)] = True
-        if cut.beside is not None:
-            # in a slot the rim meets the front beside the tool: that is no edge behind it
-            rows = touch.beside.nonzero()[0]
-            limit = cut.limit + BESIDES
-            past = self.past(
-                cut.beside.cleared, place.take(rows, axis=0), heading.take(rows), limit
-            )
-            spent[rows[past]] = True
+        others = self._near_others(cut, place, heading, touch.found)
+        # in a slot the rim meets the front beside the tool: that is no edge behind it
+        rows = np.union1d(others, touch.beside.nonzero()[0])
+        spent[self._entered(cut, place, heading, rows)] = True
         return _first(spent)
 
     def _clear_until(self, cut: _Cut, place: FloatArray, heading: FloatArray) -> int:
@@ -506,14 +501,15 @@ class Tracer:
         There is one at least; a single place past the limit is a touch.
         """
         entered, found = np.zeros(len(place), dtype=bool), np.ones(len(place), dtype=bool)
-        entered[self._entered(cut, place, heading, found)] = True
+        rows = self._near_others(cut, place, heading, found)
+        entered[self._entered(cut, place, heading, rows)] = True
         both = entered[:-1] & entered[1:]
         return max(_first(both), 1) if both.any() else len(place)
 
-    def _entered(
+    def _near_others(
         self, cut: _Cut, place: FloatArray, heading: FloatArray, found: BoolArray
     ) -> IntArray:
-        """Rows of places where the tool is in stock past the limit, and some of another front.
+        """Rows of places where the tool may be in stock of another front past the limit.
 
         `found` says where its own one is met.
         """
@@ -531,8 +527,17 @@ class Tracer:
         ahead = (angle > cut.limit + BESIDES) & (angle < 0.9 * np.pi)
         # where a cut begins it can only go on
         ahead &= (row > 0) | bool(cut.pieces)
-        rows = np.unique(row[ahead | ~found[row]])
-        # where one front has been cut away nearly, another one may be entered far ahead
+        return np.unique(row[ahead | ~found[row]])
+
+    def _entered(
+        self, cut: _Cut, place: FloatArray, heading: FloatArray, rows: IntArray
+    ) -> IntArray:
+        """Those of some rows of places where the tool is in stock past the limit.
+
+        Where one front has been cut away nearly, another one may be entered far ahead.
+        """
+        if cut.beside is None or not len(rows):
+            return np.zeros(0, dtype=np.int64)
         limit = cut.limit + BESIDES
         past = self.past(cut.beside.cleared, place.take(rows, axis=0), heading.take(rows), limit)
         return np.asarray(rows[past])

@@ -172,11 +172,11 @@ class _Machining:
         """Return the verdict, with the (n,) time and gouge of moves and the faults found so far."""
         path, targets, asked, reach = self._path, self._targets, self._per_move, self._reach
         removal, top, grid, tolerances = self._removal, self._top, self._grid, self._tolerances
-        through = self._steep & (removal.removed > _through(path, grid))
-        hit, found = _check_descents(path, removal, through & ~asked.may_plunge, top, grid)
-        slivers = np.where(self._steep, _through(path, grid), _slivers(path, grid))
-        fast = self._fast & (removal.removed > slivers) & (~self._steep | asked.may_plunge)
-        found += _fast_cuts(path, removal, fast)
+        cuts = removal.removed > _let_pass(path, self._steep, grid)
+        hit = path.rapid & cuts
+        plunging = self._steep & cuts & ~asked.may_plunge
+        found = _check_descents(path, hit, plunging, top)
+        found += _fast_cuts(path, removal, self._fast & cuts & ~plunging)
         allowance = asked.radial_allowance
         found += check_bodies(path, self._bodies, removal.hits, targets, allowance, top)
         found += _check_load(path, removal, asked.engagement_limit + tolerances.engagement)
@@ -304,11 +304,16 @@ def _entered(centres: BaseGeometry, entry: str) -> BaseGeometry:
     return shapely.MultiPolygon(parts[wide].tolist())
 
 
-def _check_descents(
-    path: Path, removal: Removal, plunging: BoolArray, top: float, grid: Grid
-) -> tuple[BoolArray, list[Fault]]:
-    """Return (n,) which rapids removed stock, and the faults of rapids and plunges."""
-    hit = path.rapid & (removal.removed > 0.005 * path.tool_radius**2 + 2 * grid.cell**2)
+def _let_pass(path: Path, steep: BoolArray, grid: Grid) -> FloatArray:
+    """Return (n,) what area in mm2 a move may cut by the way: a rapid, a descent, a fast move."""
+    squared = path.tool_radius**2
+    sliver = _SLIVER_WIDTH * path.tool_radius * (path.planar + path.tool_radius)
+    area = np.where(steep, np.maximum(0.02 * squared, 0.05), sliver)
+    return np.where(path.rapid, 0.005 * squared, area) + 2 * grid.cell**2
+
+
+def _check_descents(path: Path, hit: BoolArray, plunging: BoolArray, top: float) -> list[Fault]:
+    """Return the faults of rapids and plunges through stock."""
     depth = top - np.nan_to_num(path.low, nan=np.inf)
     moves = np.flatnonzero(hit)
     faults = report_moves(
@@ -327,18 +332,7 @@ def _check_descents(
         fall[moves],
         lambda size: f"a descent of {size:.3f} mm through stock, too steep for a ramp",
     )
-    return hit, faults
-
-
-def _through(path: Path, grid: Grid) -> FloatArray:
-    """Return (n,) from what area in mm2 on a descent goes through stock."""
-    return np.asarray(np.maximum(0.02 * path.tool_radius**2, 0.05) + 2 * grid.cell**2)
-
-
-def _slivers(path: Path, grid: Grid) -> FloatArray:
-    """Return (n,) the area in mm2 of slivers that a move through cleared area may take."""
-    spared = _SLIVER_WIDTH * path.tool_radius * (path.planar + path.tool_radius)
-    return np.asarray(spared + 2 * grid.cell**2)
+    return faults
 
 
 def _fast_cuts(path: Path, removal: Removal, fast: BoolArray) -> list[Fault]:
