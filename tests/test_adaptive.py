@@ -13,6 +13,7 @@ import pytest
 import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.linalg import solveh_banded
 from scipy.spatial import cKDTree
 
 from adaptive_measure import Track, engagement, longest_over, swept, track
@@ -23,6 +24,7 @@ from grassfire.medial import medial_axis
 from grassfire.plan import plan_operation
 from grassfire.plan.adaptive import CRESCENT, AdaptivePocket, adaptive_pockets
 from grassfire.plan.arcs import Curve, fewest_arcs
+from grassfire.plan.banded import solved
 from grassfire.plan.boundary import Boundary
 from grassfire.plan.chains import Writer
 from grassfire.plan.fronts import (
@@ -37,6 +39,7 @@ from grassfire.plan.fronts import (
     touching,
 )
 from grassfire.plan.path import Path, from_loop
+from grassfire.plan.places import Places
 from grassfire.plan.pursuit import unit, wrapped
 from grassfire.plan.smooth import rounded, tangent_link, two_arcs
 from grassfire.plan.strategy import ClearingSettings
@@ -519,7 +522,7 @@ def test_places_near_fronts_are_those_near_any_of_their_points() -> None:
 def test_disks_cut_fronts_apart_and_leave_others_as_they_are() -> None:
     fronts = scattered(40)
     centres = np.random.default_rng(3).uniform(20, 40, (50, 2))
-    parts = Fronts(fronts).outside(cKDTree(centres), 2.0, 5.0)
+    parts = Fronts(fronts).outside(Places(centres), 2.0, 5.0)
     whole = []
     for front in fronts:
         gap = np.hypot(*(front.points[:, None] - centres[None]).transpose(2, 0, 1)).min(axis=1)
@@ -529,7 +532,7 @@ def test_disks_cut_fronts_apart_and_leave_others_as_they_are() -> None:
     assert [front for front in parts if front in fronts] == whole
     assert 0 < len(whole) < len(fronts)
     untouched = Fronts(whole)
-    assert untouched.outside(cKDTree(centres), 2.0, 5.0) is untouched
+    assert untouched.outside(Places(centres), 2.0, 5.0) is untouched
 
 
 def test_fronts_are_added_and_left_out_with_their_boxes() -> None:
@@ -924,6 +927,23 @@ def test_curves_fitted_together_are_those_fitted_alone() -> None:
         assert np.array_equal(path.sweep, alone.sweep)
         assert np.array_equal(path.end, curve.points[-1])
     assert fewest_arcs([]) == []
+
+
+@pytest.mark.parametrize("count", [3, 7, 8, 9, 63, 64, 65, 66, 128, 129, 1000])
+def test_banded_systems_are_solved_as_scipy_does_and_as_if_each_were_alone(count: int) -> None:
+    random = np.random.default_rng(count)
+    band = random.normal(0, 0.5, size=(3, 4, count))
+    band[2] = 4 + random.uniform(size=(4, count))
+    wanted = random.normal(size=(4, count))
+    sizes = np.array([count, 3, max(count // 2, 3), count])
+    for row, size in enumerate(sizes.tolist()):
+        band[:2, row, size:], band[2, row, size:], wanted[row, size:] = 0.0, 1e-5, 0.0
+    found = solved(band, wanted, sizes)
+    for row, size in enumerate(sizes.tolist()):
+        expected = solveh_banded(band[:, row, :size], wanted[row, :size])
+        np.testing.assert_allclose(found[row, :size], expected, rtol=1e-12, atol=1e-14)
+        alone = solved(band[:, row : row + 1], wanted[row : row + 1], sizes[row : row + 1])
+        assert np.array_equal(found[row, :size], alone[0, :size])
 
 
 @settings(max_examples=60, deadline=None)

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -16,12 +20,11 @@ SIZES = [(1, 1), (5, 3), (60, 60), (FEW // 8, 8), (FEW // 8, 9), (3000, 40)]
 
 
 @pytest.mark.parametrize(("points", "places"), SIZES)
-@pytest.mark.parametrize("on_curves", [False, True])
-def test_nearest_are_those_of_the_tree(points: int, places: int, on_curves: bool) -> None:
+def test_nearest_are_those_of_another_tree(points: int, places: int) -> None:
     random = np.random.default_rng(points + places)
     cloud, asked = random.normal(size=(points, 2)), random.normal(size=(places, 2))
     count = min(points, 8)
-    away, row = Neighbours(cloud, on_curves).nearest(asked, count)
+    away, row = Neighbours(cloud).nearest(asked, count)
     assert away.shape == row.shape == (places, count)
     expected = np.asarray(cKDTree(cloud).query(asked, k=np.arange(1, count + 1)))
     np.testing.assert_array_equal(row, expected[1])
@@ -29,10 +32,55 @@ def test_nearest_are_those_of_the_tree(points: int, places: int, on_curves: bool
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_of_points_at_one_place_the_first_is_named_first(count: int) -> None:
+def test_of_points_at_one_place_none_is_named_twice(count: int) -> None:
     cloud = np.array([[1.0, 1.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]])
-    _, row = Neighbours(cloud).nearest(np.zeros((2, 2)), count)
-    assert row.tolist() == [[1, 2, 3][:count]] * 2
+    away, row = Neighbours(cloud).nearest(np.zeros((2, 2)), count)
+    assert not away.any()
+    assert all(len(set(rows)) == count and 0 not in rows for rows in row.tolist())
+
+
+CLOUDS = {
+    "anywhere": lambda random, count: random.uniform(0, 50, size=(count, 2)),
+    "on a grid": lambda random, count: random.integers(0, 6, size=(count, 2)).astype(float),
+    "on a line": lambda random, count: np.stack([random.uniform(size=count), np.ones(count)], 1),
+    "at one place": lambda _, count: np.full((count, 2), 3.0),
+    "far off": lambda random, count: 1e6 + random.uniform(0, 50, size=(count, 2)),
+}
+
+
+@pytest.mark.parametrize("kind", list(CLOUDS))
+@pytest.mark.parametrize("count", [1, 7, 40, 900])
+def test_near_are_those_nearer_than_the_reach(kind: str, count: int) -> None:
+    random = np.random.default_rng(count)
+    cloud = CLOUDS[kind](random, count)
+    asked = cloud[random.integers(0, count, 200)] + random.normal(0, 0.3, size=(200, 2))
+    away = np.hypot(*(asked[:, None] - cloud).transpose(2, 0, 1)).min(axis=1)
+    reach = float(np.median(away)) + 1e-7
+    np.testing.assert_array_equal(Neighbours(cloud).near(asked, reach), away < reach)
+    assert not len(Neighbours(cloud).near(np.zeros((0, 2)), reach))
+
+
+def test_neighbours_beyond_a_bound_may_be_left_out() -> None:
+    cloud = np.random.default_rng(3).uniform(0, 9, size=(300, 2))
+    bound = np.linspace(0.01, 2.0, 300)
+    away, row = Neighbours(cloud).nearest(cloud, 4, within=bound)
+    expected = np.asarray(cKDTree(cloud).query(cloud, k=4)[0])
+    known = expected < bound[:, None]
+    np.testing.assert_allclose(away[known], expected[known], rtol=1e-14)
+    assert np.all(row[np.isinf(away)] == len(cloud))
+
+
+def test_the_number_of_threads_of_others_stays_as_it_is() -> None:
+    program = (
+        "import os; from grassfire.geometry.neighbours import Neighbours; "
+        "print(os.environ.get('OMP_NUM_THREADS'))"
+    )
+    for threads in (None, "7"):
+        known = {key: value for key, value in os.environ.items() if key != "OMP_NUM_THREADS"}
+        known |= {} if threads is None else {"OMP_NUM_THREADS": threads}
+        run = [sys.executable, "-c", program]
+        found = subprocess.run(run, env=known, capture_output=True, text=True, check=True)
+        assert found.stdout.strip() == str(threads)
 
 
 def test_no_places_have_no_neighbours() -> None:

@@ -1,4 +1,4 @@
-"""Exact planar curves, loops and regions: NumPy and SciPy only.
+"""Exact planar curves, loops and regions: NumPy, SciPy and pykdtree only.
 
 Every curve runs over t in [0, 1], is vectorised over t, immutable, in millimetres and radians.
 """

@@ -1,24 +1,49 @@
 """Neighbours of points, and what is connected, without loading SciPy for a few of them.
 
-Loading `scipy.spatial` and `scipy.sparse` takes as long as planning a simple pocket.
+Loading `scipy.spatial` and `scipy.sparse` takes as long as planning a simple pocket; their trees
+answer a hundred places in twice the time of those here, and take four times as long to build.
 """
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
 
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """While a library is loaded that takes its number of threads from the environment.
+
+    Most questions are about a hundred places: sharing them out takes longer than answering them,
+    and four times as long where the other core is busy.
+    """
+    name = "OMP_NUM_THREADS"
+    before = os.environ.get(name)
+    os.environ[name] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = before
+
+
+with _one_thread():
+    from pykdtree.kdtree import KDTree
+
+BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 FEW: Final = 4096
-"""Pairs that are compared one by one as quickly as a tree answers."""
+"""Pairs that are compared one by one as quickly as a tree is asked for them."""
 
 FEW_LINKS: Final = 400
 """Links that are followed one by one as quickly as a sparse matrix is made, between things of which
@@ -30,39 +55,33 @@ MOST_GROUPS: Final = 4
 
 
 class Neighbours:
-    """Points (n, d), asked for the nearest to others, or for pairs near each other.
-
-    The tree is built when more than `FEW` pairs would have to be compared.
+    """A k-d tree of points (n, d), asked for the nearest to others, or for pairs near each other.
 
     Parameters
     ----------
     points : (n, d) float array
-    on_curves : bool
-        Whether they lie along curves: then another form of the tree makes far queries quicker.
+        At least one to be the nearest; not to be changed afterwards.
     """
 
-    def __init__(self, points: FloatArray, on_curves: bool = False) -> None:
-        self.points = points
-        self._on_curves = on_curves
+    def __init__(self, points: FloatArray) -> None:
+        self.points = np.ascontiguousarray(points)
 
     def __len__(self) -> int:
         return len(self.points)
 
-    @cached_property
-    def tree(self) -> cKDTree:
-        """The tree of all points."""
-        from scipy.spatial import cKDTree
+    def __reduce__(self) -> tuple[type[Neighbours], tuple[FloatArray]]:
+        # the tree is made again where it is asked
+        return type(self), (self.points,)
 
-        if self._on_curves:
-            return cKDTree(self.points, leafsize=32, compact_nodes=False, balanced_tree=False)
-        return cKDTree(self.points)
+    @cached_property
+    def _tree(self) -> KDTree:
+        return KDTree(self.points)
 
     def nearest(
         self,
         places: FloatArray,
         count: int = 1,
         share: float = 0.0,
-        workers: int = 1,
         within: FloatArray | None = None,
     ) -> tuple[FloatArray, IntArray]:
         """Distances and rows of the `count` <= n nearest points of each place, nearest first.
@@ -73,8 +92,6 @@ class Neighbours:
         count : int
         share : float
             By which part of their distance those found may be farther than the nearest.
-        workers : int
-            Threads; -1 for all cores.
         within : (m,) float array, optional
             Distances beyond which points do not matter: they may be left out, and what is then
             missing of the `count` is infinitely far and has a row that there is not.
@@ -83,36 +100,34 @@ class Neighbours:
         -------
         (m, count) float and int arrays
         """
-        if len(places) * len(self.points) > FEW:
-            if within is None:
-                return self._query(places, count, share, workers, np.inf)
-            shape = len(places), count
-            away, row = np.empty(shape), np.empty(shape, dtype=np.int64)
-            # The tree takes one bound for all: places with bounds alike are asked about together.
-            groups = min(1 + len(places) // LEAST_GROUP, MOST_GROUPS)
-            for rows in np.array_split(within.argsort(), groups):
+        if within is None:
+            return self._query(places, count, share, np.inf)
+        shape = len(places), count
+        away, row = np.empty(shape), np.empty(shape, dtype=np.int64)
+        # The tree takes one bound for all: places with bounds alike are asked about together.
+        groups = min(1 + len(places) // LEAST_GROUP, MOST_GROUPS)
+        for rows in np.array_split(within.argsort(), groups):
+            if len(rows):
                 bound = float(within[rows[-1]])
                 rows = np.sort(rows)
-                found = self._query(places.take(rows, axis=0), count, share, workers, bound)
-                away[rows], row[rows] = found
-            return away, row
-        step = places[:, None, :] - self.points[None, :, :]
-        square = np.einsum("ijk,ijk->ij", step, step)
-        if count == 1:
-            row = square.argmin(axis=1)[:, None]
-        else:
-            row = square.argsort(axis=1, kind="stable")[:, :count]
-        return np.sqrt(np.take_along_axis(square, row, axis=1)), row
+                away[rows], row[rows] = self._query(places.take(rows, axis=0), count, share, bound)
+        return away, row
+
+    def near(self, places: FloatArray, reach: float) -> BoolArray:
+        """(m,) which places have one of the points nearer than `reach`."""
+        return np.asarray(self._query(places, 1, 0.0, reach)[0][:, 0] < reach)
 
     def _query(
-        self, places: FloatArray, count: int, share: float, workers: int, bound: float
+        self, places: FloatArray, count: int, share: float, bound: float
     ) -> tuple[FloatArray, IntArray]:
         """The answer of the tree, (m, count)."""
-        away, row = self.tree.query(
-            places, k=count, eps=share, distance_upper_bound=bound, workers=workers
-        )
         shape = len(places), count
-        return np.asarray(away).reshape(shape), np.asarray(row, dtype=np.int64).reshape(shape)
+        if not len(places):
+            return np.zeros(shape), np.zeros(shape, dtype=np.int64)
+        away, row = self._tree.query(
+            np.ascontiguousarray(places), k=count, eps=share, distance_upper_bound=bound
+        )
+        return away.reshape(shape), row.reshape(shape).astype(np.int64)
 
     def pairs(self, distance: float) -> IntArray:
         """(k, 2) rows, the lesser first, of points at most `distance` from each other."""
@@ -120,7 +135,9 @@ class Neighbours:
             rows = self._crowded(distance)
             if len(rows) < len(self.points):
                 return np.asarray(rows[Neighbours(self.points[rows]).pairs(distance)])
-            found = self.tree.query_pairs(distance, output_type="ndarray")
+            from scipy.spatial import cKDTree
+
+            found = cKDTree(self.points).query_pairs(distance, output_type="ndarray")
             return np.asarray(found, dtype=np.int64)
         step = self.points[:, None, :] - self.points[None, :, :]
         near = np.einsum("ijk,ijk->ij", step, step) <= distance * distance

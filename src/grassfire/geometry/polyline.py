@@ -20,6 +20,7 @@ from grassfire.geometry.curve import Curve, FloatArray, cross, dot, frozen_array
 from grassfire.geometry.flatten import flatten_parameters
 from grassfire.geometry.line import Line
 from grassfire.geometry.loop import Loop
+from grassfire.geometry.neighbours import Neighbours
 from grassfire.geometry.outline import Outline, curves_of
 from grassfire.geometry.region import Region
 from grassfire.geometry.runs import (
@@ -294,9 +295,7 @@ def _farthest(curves: Sequence[Curve], points: FloatArray, tolerance: float) -> 
         t = np.union1d(even, flatten_parameters(curve, accuracy))
         samples.append(curve.point(t))
     rows = np.concatenate(samples)
-    from scipy.spatial import cKDTree
-
-    nearest = cKDTree(rows).query(points)[1]
+    nearest = Neighbours(rows).nearest(points)[1][:, 0]
     off = np.full(len(points), np.inf)
     for other in (np.maximum(nearest - 1, 0), np.minimum(nearest + 1, len(rows) - 1)):
         change, spoke = rows[other] - rows[nearest], points - rows[nearest]

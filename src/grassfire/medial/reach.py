@@ -49,7 +49,7 @@ class FarSamples:
         if np.isinf(least):
             return None
         row = np.flatnonzero(reach >= least)
-        return FarSamples(least, row, Neighbours(place[row], on_curves=True))
+        return FarSamples(least, row, Neighbours(place[row]))
 
 
 def reaches(sites: Sites) -> FloatArray:

@@ -42,7 +42,7 @@ _PAIRS = 20_000
 _STEPS = 8
 """Sites along which contacts are followed from where samples show them."""
 _MANY = 4096
-"""Searches of so many points are spread over the processors; fewer are given more neighbours."""
+"""Searches of fewer points are given more neighbours."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class BoundarySearch:
         self.site, self.parameter = sites.spread(count)
         self.point = sites.point(self.site, self.parameter)
         # Points on curves: other nodes make far queries up to 80 times faster.
-        self.samples = Neighbours(self.point @ _TURNED, on_curves=True)
+        self.samples = Neighbours(self.point @ _TURNED)
         self.half, self.bulge = self._cover(turn / count)
         self.half_step, self.most_bulge = float(self.half.max()), float(self.bulge.max())
 
@@ -195,14 +195,13 @@ class BoundarySearch:
         that this leaves empty are infinitely far. Also where others were left out: the nearest site
         is found then, but some may be missing.
         """
-        workers = -1 if len(centre) >= _MANY else 1
         place, far = centre @ _TURNED, self._far
         if far is None or radius is None:
-            found = self.samples.nearest(place, neighbours, share, workers, reach)
+            found = self.samples.nearest(place, neighbours, share, reach)
             return *found, np.zeros(len(place), dtype=bool)
         away = np.full((len(place), neighbours), np.inf)
         index: IntArray = np.zeros((len(place), neighbours), dtype=np.int64)
-        glance = self.samples.nearest(place, 1, _GLANCE, workers)[0][:, 0]
+        glance = self.samples.nearest(place, 1, _GLANCE)[0][:, 0]
         least = (glance / (1 + _GLANCE)) ** 2 - self.half_step**2
         distant = (least > far.radius**2) & (glance >= (1 - _GLANCE) * radius)
         for chosen, samples, number in (
@@ -213,7 +212,7 @@ class BoundarySearch:
             if len(rows):
                 count = min(neighbours, len(samples))
                 bound = None if reach is None else reach[rows]
-                found = samples.nearest(place[rows], count, share, workers, bound)
+                found = samples.nearest(place[rows], count, share, bound)
                 away[rows, :count] = found[0]
                 index[rows, :count] = (
                     found[1] if number is None else number.take(found[1], mode="clip")
@@ -325,7 +324,7 @@ class BoundarySearch:
         corner = (self.sites.corner_after | (self.sites.turn_after != 0)).nonzero()[0]
         end = self.sites.high[corner]
         point = np.concatenate([self.point, self.sites.point(corner, end)])
-        everywhere = Neighbours(point, on_curves=True)
+        everywhere = Neighbours(point)
         return everywhere, np.append(self.site, corner), np.append(self.parameter, end)
 
     def _nearest_few(

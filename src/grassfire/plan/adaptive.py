@@ -26,13 +26,13 @@ from grassfire.plan.fronts import (
     WALL_SKIN,
     Front,
     Fronts,
-    box,
     length,
     runs,
 )
 from grassfire.plan.link import straight
 from grassfire.plan.offset import offset_pockets
 from grassfire.plan.path import Path
+from grassfire.plan.places import box
 from grassfire.plan.pursuit import unit, wrapped
 from grassfire.plan.returns import ROOM, Returns
 from grassfire.plan.rings import Component, components

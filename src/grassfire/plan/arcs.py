@@ -19,9 +19,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solveh_banded
 
-from grassfire.plan.path import IntArray, Path, arc_centres, join, left_of_arcs, segment
+from grassfire.plan.banded import solved
+from grassfire.plan.path import Path, arc_centres, join, left_of_arcs, ranges, segment
+from grassfire.plan.places import IntArray
 from grassfire.plan.pursuit import unit, wrapped
 from grassfire.toolpath import FloatArray
 
@@ -56,9 +57,6 @@ RIDGE = 1e-5
 LONGEST = 20000
 """Most samples of a curve that is fitted as a whole: the course of a spiral of hundreds of turns
 grows to numbers whose rounding is no less than the tolerance."""
-
-STIFFER = 1e-9
-"""Part by which diagonals grow where rounding left a system indefinite."""
 
 SLACK = 1.02
 """How far off arcs may be whose spline is within tolerance, in tolerances."""
@@ -145,15 +143,8 @@ class _Samples(NamedTuple):
     def take(self, curves: IntArray) -> _Samples:
         """Only the samples of some curves."""
         count = self.counts[curves]
-        rows = _ranges(self.first[curves], count)
+        rows = ranges(self.first[curves], count)
         return _Samples._make([*(column[rows] for column in self[:-1]), count])
-
-
-def _ranges(first: IntArray, count: IntArray) -> IntArray:
-    """Consecutive integers, so many from each first one."""
-    stop = count.cumsum()
-    total = int(stop[-1]) if len(stop) else 0
-    return np.asarray(np.arange(total) + (first - stop + count).repeat(count))
 
 
 def _heads(numbers: IntArray) -> IntArray:
@@ -283,24 +274,15 @@ def _spline(it: _Samples, knots: _Knots) -> _Spline:
     for place, sample in ((ends, it.first), (ends + knots.parts + 1, it.last)):
         band[2, place] += PIN
         wanted[place] += PIN * it.course[sample]
-    found = _solved(band, wanted)
+    table = solved(band.reshape(3, rows, -1), wanted.reshape(rows, -1), knots.parts + 2)
+    found = table.ravel()
     own = [found[flat + each] for each in range(3)]
     beside = sum(part * each for part, each in zip(basis, own, strict=True)) - it.course
     turn = sum(part * each for part, each in zip(slopes, own, strict=True)) - it.heading
     off = np.abs(beside - it.middle) / it.width
     off[it.first] = off[it.last] = 0.0
-    value, slope = _at_knots(found.reshape(rows, width + 1), knots)
+    value, slope = _at_knots(table, knots)
     return _Spline(value, slope, span, np.maximum(off, _strayed(turn)))
-
-
-def _solved(band: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Solution of the banded systems; the arcs are compared with the samples whatever it is."""
-    try:
-        return np.asarray(solveh_banded(band, wanted, check_finite=False))
-    except np.linalg.LinAlgError:
-        # spans a millionth of their neighbours are definite but for rounding
-        band[2] *= 1 + STIFFER
-        return np.asarray(solveh_banded(band, wanted, check_finite=False))
 
 
 def _strayed(turn: FloatArray) -> FloatArray:
@@ -491,7 +473,7 @@ def _laid(
     if not len(chosen):
         return
     own = _Knots(knots.along[chosen], knots.parts[chosen])
-    rows = _ranges(it.first[chosen], it.counts[chosen])
+    rows = ranges(it.first[chosen], it.counts[chosen])
     some = it.take(chosen)
     arcs = _arcs(
         some,

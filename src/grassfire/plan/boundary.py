@@ -6,7 +6,7 @@ import numpy as np
 
 from grassfire.medial import MedialAxis
 from grassfire.medial.sites import SiteKind, Sites
-from grassfire.plan.path import BoolArray, IntArray
+from grassfire.plan.places import BoolArray, IntArray
 from grassfire.plan.pursuit import unit
 from grassfire.toolpath import FloatArray
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from grassfire.plan.arcs import Curve, fewest_arcs
 from grassfire.plan.fronts import length
-from grassfire.plan.path import SAME, BoolArray, IntArray, Path, join, segment
+from grassfire.plan.path import SAME, Path, join, segment
+from grassfire.plan.places import BoolArray, IntArray
 from grassfire.plan.pursuit import unit, wrapped
 from grassfire.plan.tracing import SKIM, Piece
 from grassfire.plan.walls import Walls

@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, overload
+from typing import overload
 
 import numpy as np
 
-from grassfire.plan.path import BoolArray, IntArray
+from grassfire.plan.places import BoolArray, Box, IntArray, Places, box, few_nearest
 from grassfire.plan.pursuit import unit, wrapped
 from grassfire.toolpath import FloatArray
-
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
 
 GRAZE = 2e-3
 """Disks that overlap by less than this part of the tool radius count as touching."""
@@ -48,14 +45,11 @@ part of the longest have no direction."""
 SLIVER = 20
 """Fronts of so few points are not searched for those near places."""
 
-PAIRS = 20000
+PAIRS = 6000
 """So many pairs of places and points are looked at one by one, more by trees."""
 
 Clearances = Callable[[FloatArray], FloatArray]
 """Distance of points (n, 2) from the walls, (n,) mm."""
-
-Box = tuple[float, float, float, float]
-"""Least x and y, largest x and y, mm."""
 
 
 class Front:
@@ -110,11 +104,9 @@ class Front:
         return self._end_clearance
 
     @cached_property
-    def tree(self) -> cKDTree:
+    def tree(self) -> Places:
         """Of its points."""
-        from scipy.spatial import cKDTree
-
-        return cKDTree(self.points, compact_nodes=False, balanced_tree=False)
+        return Places(self.points)
 
 
 class Fronts(Sequence[Front]):
@@ -172,15 +164,15 @@ class Fronts(Sequence[Front]):
         sides = np.concatenate([self._sides, _sides(fronts)], axis=1)
         return Fronts((*self._items, *fronts), sides)
 
-    def outside(self, centres: cKDTree, radius: float, gap: float) -> Fronts:
+    def outside(self, centres: Places, radius: float, gap: float) -> Fronts:
         """Their parts outside all disks about some centres; untouched ones are themselves.
 
         Their points are no more than `gap` mm apart.
         """
         parts: dict[int, list[Front]] = {}
-        for row in self._rows((*centres.mins.tolist(), *centres.maxes.tolist()), radius):
+        for row in self._rows(centres.box, radius):
             chain = self._items[row].points
-            covered = reached(centres, chain, radius)
+            covered = centres.near(chain, radius)
             if covered.any():
                 parts[row] = [Front(part) for part in runs(chain, ~covered, gap)]
         if not parts:
@@ -200,12 +192,6 @@ def _sides(fronts: Sequence[Front]) -> FloatArray:
     """(4, n) largest x and y, least x and y of each, the latter with the other sign, mm."""
     sides = [(right, high, -left, -low) for left, low, right, high in (it.box for it in fronts)]
     return np.array(sides).reshape(-1, 4).T
-
-
-def box(points: FloatArray) -> Box:
-    """Least x and y, largest x and y of points (n, 2), mm."""
-    x, y = points[:, 0], points[:, 1]
-    return float(x.min()), float(y.min()), float(x.max()), float(y.max())
 
 
 def _around(places: FloatArray, sides: Box, reach: float) -> BoolArray:
@@ -249,55 +235,45 @@ def touched(places: FloatArray, front: Front, reach: float) -> IntArray:
     rows = _around(places, front.box, reach).nonzero()[0]
     if not len(rows):
         return np.asarray(rows)
-    near = reached(front.tree, places.take(rows, axis=0), reach)
-    return np.asarray(rows[near])
-
-
-def reached(tree: cKDTree, places: FloatArray, reach: float) -> BoolArray:
-    """(n,) which places have a point of a tree nearer than `reach`."""
-    return np.asarray(tree.query(places, distance_upper_bound=reach)[0] < reach)
+    return np.asarray(rows[front.tree.near(places.take(rows, axis=0), reach)])
 
 
 class Disks:
     """Growing set of disk centres, for distances: trees of doubling size."""
 
     def __init__(self) -> None:
-        self._trees: list[tuple[FloatArray, cKDTree, Box]] = []
+        self._trees: list[Places] = []
 
     def add(self, centres: FloatArray) -> None:
         """Add (m, 2) centres, mm."""
-        from scipy.spatial import cKDTree
-
-        while self._trees and len(self._trees[-1][0]) < 2 * len(centres):
-            centres = np.concatenate([self._trees.pop()[0], centres])
-        tree = cKDTree(centres, compact_nodes=False, balanced_tree=False)
-        self._trees.append((centres, tree, box(centres)))
+        while self._trees and len(self._trees[-1]) < 2 * len(centres):
+            centres = np.concatenate([self._trees.pop().points, centres])
+        self._trees.append(Places(centres))
 
     def within(self, points: FloatArray, reach: float) -> BoolArray:
         """(n,) which points have a centre nearer than `reach` mm."""
         result = np.zeros(len(points), dtype=bool)
+        if not len(points):
+            return result
         rows = np.arange(len(points))
+        left, low, right, high = box(points)
         # those in the cleared area have one of the last centres near them more often than not
-        for _, tree, (least_x, least_y, most_x, most_y) in reversed(self._trees):
-            if not len(rows):
-                break
-            left, low, right, high = box(points)
+        for tree in reversed(self._trees):
+            least_x, least_y, most_x, most_y = tree.box
             across = least_x <= right + reach and most_x >= left - reach
             if across and least_y <= high + reach and most_y >= low - reach:
-                near = reached(tree, points, reach)
+                near = tree.near(points, reach)
                 result[rows[near]] = True
-                rows, points = rows[~near], points[~near]
+                far = ~near
+                rows, points = rows[far], points[far]
+                if not len(rows):
+                    break
         return result
 
     def nearest(self, point: FloatArray, count: int) -> FloatArray:
         """(m, 2) centres nearest to a point, nearest first; all if there are fewer, mm."""
-        near = [
-            centres[tree.query(point, k=range(1, min(count, len(centres)) + 1))[1]]
-            for centres, tree, _ in self._trees
-        ]
-        found = np.concatenate(near)
-        order = np.argsort(np.hypot(*(found - point).T), kind="stable")
-        return np.asarray(found[order[:count]])
+        centres = np.concatenate([tree.points for tree in self._trees])
+        return np.asarray(centres[few_nearest(centres, point, count)[1]])
 
 
 def densified(points: FloatArray, step: float) -> FloatArray:

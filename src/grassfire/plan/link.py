@@ -6,15 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from grassfire.plan.path import SAME, BoolArray, IntArray, Nearest, Path, Pieces, segment
+from grassfire.plan.path import SAME, Nearest, Path, Pieces, segment
+from grassfire.plan.places import BoolArray, IntArray, Places, few_nearest
 from grassfire.toolpath import FloatArray
-
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
 
 MOST_PROBES = 20_000
 """Clearance queries that one proof may take before the way counts as not proven."""
@@ -327,7 +325,7 @@ def crossings(from_ring: Path, to_ring: Path, count: int = 8) -> Crossings:
     """
     points, along = from_ring.sampled
     targets, other = to_ring.sampled
-    distance, nearest = to_ring.tree.query(points)
+    distance, nearest = to_ring.tree.closest(points)
     order = np.argsort(distance, kind="stable")
     spread = order[np.linspace(0, len(order) - 1, count).astype(np.int64)]
     picked = np.concatenate([order[:count], spread])
@@ -380,17 +378,15 @@ class Front:
         )
 
     @cached_property
-    def _tree(self) -> cKDTree:
-        from scipy.spatial import cKDTree
-
-        return cKDTree(self._points)
+    def _tree(self) -> Places:
+        return Places(self._points)
 
     def near(
         self, point: FloatArray, inside: Interior, count: int = 8
     ) -> list[tuple[int, FloatArray, float]]:
         """Component, place and distance of the nearest places that a straight way leads to."""
         count = min(count, len(self._points))
-        distance, index = self._tree.query(point, k=np.arange(1, count + 1))
+        distance, index = few_nearest(self._points, point, count)
         good = inside.holds(np.repeat(point[None], count, axis=0), self._points[index])
         _, first = np.unique(self._owner[index[good]], return_index=True)
         chosen = np.flatnonzero(good)[np.sort(first)]
@@ -415,7 +411,7 @@ class Front:
     def _pairs(self, ring: Path, count: int) -> Facing:
         """Places of a ring, the `count` nearest to the front and as many spread over it."""
         points, along = ring.sampled
-        distance, index = self._tree.query(points)
+        distance, index = self._tree.closest(points)
         order = np.argsort(distance, kind="stable")
         spread = order[np.linspace(0, len(order) - 1, count).astype(np.int64)]
         picked = np.unique(np.concatenate([order[:count], spread]))

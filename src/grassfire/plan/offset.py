@@ -10,7 +10,8 @@ import numpy as np
 from grassfire.medial import MedialAxis
 from grassfire.plan import entry, link
 from grassfire.plan.link import Facing, Front, Interior, RingPlace, RingSet
-from grassfire.plan.path import BoolArray, Path
+from grassfire.plan.path import Path
+from grassfire.plan.places import BoolArray
 from grassfire.plan.rings import (
     MOST_CUT_OFF,
     MOST_SPACING,

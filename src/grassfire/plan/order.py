@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from grassfire.plan.path import IntArray
+from grassfire.plan.places import IntArray
 from grassfire.toolpath import FloatArray
 
 LARGEST_SEARCH = 400

@@ -5,19 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grassfire.geometry import Arc, Line, Loop, fit_arcs
+from grassfire.plan.places import BoolArray, IntArray, Places
 from grassfire.toolpath import FloatArray
-
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.int64]
-
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
 
 SAME = 1e-9
 """Places that are no further apart are one, mm."""
@@ -235,11 +230,9 @@ class Path:
         return self.sample(max(self.length / SAMPLES, 1e-9))
 
     @cached_property
-    def tree(self) -> cKDTree:
+    def tree(self) -> Places:
         """Of the points of `sampled`, for nearest-place queries by the hundred."""
-        from scipy.spatial import cKDTree
-
-        return cKDTree(self.sampled[0])
+        return Places(self.sampled[0])
 
 
 def turned(points: FloatArray, centre: FloatArray, angle: FloatArray) -> FloatArray:
@@ -345,6 +338,13 @@ class Pieces:
 def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
     """(n,) inner products of plane vectors (n, 2)."""
     return np.asarray(one[:, 0] * other[:, 0] + one[:, 1] * other[:, 1])
+
+
+def ranges(first: IntArray, count: IntArray) -> IntArray:
+    """Consecutive integers, so many from each first one."""
+    stop = count.cumsum()
+    total = int(stop[-1]) if len(stop) else 0
+    return np.asarray(np.arange(total) + (first - stop + count).repeat(count))
 
 
 def _before(column: NDArray[Any]) -> NDArray[Any]:

@@ -9,9 +9,10 @@ import numpy as np
 
 from grassfire.medial import MedialAxis
 from grassfire.plan.arcs import Curve, fewest_arcs
-from grassfire.plan.fronts import Front, Fronts, box, touched, touching
+from grassfire.plan.fronts import Front, Fronts, touched, touching
 from grassfire.plan.link import straight
-from grassfire.plan.path import BoolArray, IntArray, Path, join, turned
+from grassfire.plan.path import Path, join, turned
+from grassfire.plan.places import BoolArray, IntArray, box
 from grassfire.plan.pursuit import wrapped
 from grassfire.plan.roadmap import RoadMap, tightened
 from grassfire.plan.smooth import rounded, tangent_link, two_arcs

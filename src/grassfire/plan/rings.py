@@ -9,7 +9,8 @@ import numpy as np
 
 from grassfire.geometry.curve import cross
 from grassfire.medial import MedialAxis, OffsetNode
-from grassfire.plan.path import IntArray, Path, from_loop
+from grassfire.plan.path import Path, from_loop
+from grassfire.plan.places import IntArray
 from grassfire.toolpath import FloatArray
 
 CLEARS = 0.995

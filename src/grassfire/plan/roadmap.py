@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,11 +13,9 @@ from grassfire.geometry.neighbours import Neighbours, connected
 from grassfire.medial import MedialAxis
 from grassfire.medial.parts import AxisGraph
 from grassfire.plan.link import Holding, straight
-from grassfire.plan.path import BoolArray, IntArray, Path
+from grassfire.plan.path import Path, ranges
+from grassfire.plan.places import BoolArray, IntArray
 from grassfire.toolpath import FloatArray
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
 
 STOCK = 4.0
 """Weight of a way through stock against one through cleared area."""
@@ -191,14 +188,11 @@ class RoadMap:
         # even a few of many neighbours tell the middle well
         rows = rows[:: max(1, len(rows) // MIDDLES)]
         both = inside[self._first] & inside[self._second]
-        total = len(self.radius)
-        ends = (self._first[both], self._second[both])
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import dijkstra
-
-        matrix = coo_matrix((self._length[both], ends), shape=(total, total)).tocsr()
-        distance = dijkstra(matrix, directed=False, indices=rows)
-        far = np.max(distance[:, inside] + self.radius[inside], axis=1)
+        away = np.full((len(rows), len(self.radius)), np.inf)
+        away[np.arange(len(rows)), rows] = 0.0
+        nowhere = np.full(len(self.radius), np.inf)
+        self._spread(away, np.where(both, self._length, np.inf), nowhere)
+        far = np.max(away[:, inside] + self.radius[inside], axis=1)
         best = int(np.argmin(far))
         return int(rows[best]), float(far[best])
 
@@ -335,31 +329,53 @@ class RoadMap:
         return np.asarray(near[inside.holds(starts, self.points[near], certain=known)])
 
     @cached_property
-    def _template(self) -> tuple[csr_matrix, IntArray, IntArray]:
-        """Matrix for the search of ways, the link behind each of its values, the goal's slots.
+    def _ahead(self) -> tuple[IntArray, IntArray, IntArray]:
+        """Neighbours of all places, the links to them, and where those of each place begin."""
+        links = np.arange(len(self._first))
+        tail = np.concatenate([self._first, self._second])
+        order = tail.argsort(kind="stable")
+        ends = np.bincount(tail, minlength=len(self.radius)).cumsum()
+        head = np.concatenate([self._second, self._first])[order]
+        return head, np.concatenate([links, links])[order], np.append(0, ends)
 
-        Each place has its neighbours, and in its last slot the goal, which is numbered behind the
-        start, and both behind the places. The start has `SEEN` slots.
+    def _spread(self, away: FloatArray, weight: FloatArray, last: FloatArray) -> IntArray:
+        """Bring lengths of ways from k starts down to the least ones, all in rounds of one link.
+
+        Parameters
+        ----------
+        away : (k, n) float array
+            Known ones, infinite elsewhere; changed in place, mm.
+        weight : (m,) float array
+            Length of the links, infinite where there is no way.
+        last : (n,) float array
+            What a way takes from a place to its goal: no way is followed that is longer than one
+            to a goal, mm.
+
+        Returns
+        -------
+        (k, n) int array
+            Place before each on the way there, -1 where it begins.
         """
-        from scipy.sparse import csr_matrix
-
-        total, count = len(self.radius), len(self._first)
-        links = np.arange(count)
-        row = np.concatenate([self._first, self._second, np.arange(total)])
-        column = np.concatenate([self._second, self._first, np.full(total, total + 1)])
-        link = np.concatenate([links, links, np.full(total, count)])
-        order = np.lexsort((column, row))
-        ends = np.cumsum(np.bincount(row, minlength=total))
-        size = len(column) + SEEN
-        matrix = csr_matrix(
-            (
-                np.full(size, np.inf),
-                np.concatenate([column[order], np.full(SEEN, total)]),
-                np.concatenate([[0], ends, [size, size]]),
-            ),
-            shape=(total + 2, total + 2),
-        )
-        return matrix, link[order], ends - 1
+        head, link, begin = self._ahead
+        count = begin[1:] - begin[:-1]
+        total = away.shape[1]
+        least, before = away.reshape(-1), np.full(away.size, -1)
+        active = np.isfinite(least).nonzero()[0]
+        while len(active):
+            enough = (away + last).min(axis=1)
+            place = active % total
+            edge = ranges(begin.take(place), count.take(place))
+            tail = active.repeat(count.take(place))
+            row = tail // total
+            goal = row * total + head.take(edge)
+            reach = least.take(tail) + weight.take(link.take(edge))
+            better = (reach < np.minimum(least.take(goal), enough.take(row))).nonzero()[0]
+            tail, goal, reach = tail.take(better), goal.take(better), reach.take(better)
+            np.minimum.at(least, goal, reach)
+            best = (reach == least.take(goal)).nonzero()[0]
+            before[goal.take(best)] = tail.take(best) % total
+            active = np.unique(goal.take(best))
+        return before.reshape(away.shape)
 
     def _shortest(
         self,
@@ -373,26 +389,18 @@ class RoadMap:
         """Places of the shortest way from `start` over one of `tails` and of `heads` to `end`."""
         if not len(tails) or not len(heads):
             return None
-        total = len(self.radius)
         usable = allowed[self._first] & allowed[self._second]
-        matrix, link, slot = self._template
-        value = np.append(np.where(usable, np.maximum(weight, 1e-9), np.inf), np.inf)[link]
-        value[slot[heads]] = np.maximum(np.hypot(*(self.points[heads] - end).T), 1e-9)
-        matrix.data[: len(link)] = value
-        matrix.data[len(link) :] = np.inf
-        lead = slice(len(link), len(link) + len(tails))
-        matrix.data[lead] = np.maximum(np.hypot(*(self.points[tails] - start).T), 1e-9)
-        matrix.indices[lead] = tails
-        from scipy.sparse.csgraph import dijkstra
-
-        distance, previous = dijkstra(matrix, indices=total, return_predecessors=True)
-        if not np.isfinite(distance[total + 1]):
+        away, last = np.full((2, len(self.radius)), np.inf)
+        away[tails] = np.hypot(*(self.points[tails] - start).T)
+        last[heads] = np.hypot(*(self.points[heads] - end).T)
+        before = self._spread(away[None], np.where(usable, weight, np.inf), last)[0]
+        node = int((away + last).argmin())
+        if not np.isfinite(away[node] + last[node]):
             return None
         nodes = []
-        node = int(previous[total + 1])
-        while node != total:
+        while node >= 0:
             nodes.append(node)
-            node = int(previous[node])
+            node = int(before[node])
         return np.array(nodes[::-1], dtype=np.int64)
 
 

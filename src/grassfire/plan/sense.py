@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from grassfire.plan.chains import Writer
-from grassfire.plan.path import BoolArray, IntArray, Path
+from grassfire.plan.path import Path
+from grassfire.plan.places import BoolArray, IntArray
 from grassfire.plan.tracing import Piece, Start, Surroundings, Tracer
 from grassfire.plan.walls import mirrored, mirrored_path
 from grassfire.toolpath import FloatArray

@@ -10,7 +10,8 @@ import numpy as np
 
 from grassfire.medial import MedialAxis
 from grassfire.plan import entry, spiral_tree, spiral_wave
-from grassfire.plan.path import IntArray, Path, circle, repeat
+from grassfire.plan.path import Path, circle, repeat
+from grassfire.plan.places import IntArray, Places
 from grassfire.plan.rings import INNER_FIT, MOST_INNER_FIT, MOST_SPACING, Component, components
 from grassfire.plan.spiral_curve import blunted, directions, evened, fitted, smoothed
 from grassfire.plan.spiral_lobes import Sizes, lobes
@@ -377,14 +378,12 @@ def widest_step(points: FloatArray, rounded: FloatArray, seams: FloatArray) -> f
     seams : (k, 2) float array
         Where laps follow each other, before they are rounded.
     """
-    from scipy.spatial import cKDTree
-
     if not len(seams):
         return 0.0
-    marks = np.sort(cKDTree(points).query(seams)[1])
+    marks = np.sort(Places(points).closest(seams)[1])
     laps = np.split(rounded, marks)
     steps = (
-        float(cKDTree(inner).query(outer[::SPARSE])[0].max())
+        float(Places(inner).closest(outer[::SPARSE])[0].max())
         for inner, outer in pairwise(laps)
         if len(inner) and len(outer)
     )

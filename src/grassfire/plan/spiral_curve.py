@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from grassfire.plan.path import BoolArray, IntArray, Path, arc_centres, left_of_arcs
+from grassfire.plan.path import Path, arc_centres, left_of_arcs
+from grassfire.plan.places import BoolArray, IntArray
 from grassfire.toolpath import FloatArray
 
 REACH = 4.0
@@ -43,12 +44,13 @@ def smoothed(points: FloatArray, width: float, closed: bool) -> FloatArray:
     mean of its neighbours; neighbouring laps move alike, so that their distance hardly changes.
     A closed run has its first point again at its end.
     """
-    from scipy.ndimage import gaussian_filter1d
-
-    if closed:
-        inner = gaussian_filter1d(points[:-1], width, axis=0, mode="wrap", truncate=REACH)
-        return np.concatenate([inner, inner[:1]])
-    return np.asarray(gaussian_filter1d(points, width, axis=0, mode="nearest", truncate=REACH))
+    reach = int(REACH * width + 0.5)
+    weight = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width) ** 2)
+    own = points[:-1] if closed else points
+    padded = np.pad(own, ((reach, reach), (0, 0)), mode="wrap" if closed else "edge")
+    mean = [np.convolve(column, weight / weight.sum(), mode="valid") for column in padded.T]
+    result = np.stack(mean, axis=1)
+    return np.concatenate([result, result[:1]]) if closed else result
 
 
 def blunted(points: FloatArray, side: float) -> FloatArray:

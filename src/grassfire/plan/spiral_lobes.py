@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from grassfire.plan.path import BoolArray
+from grassfire.plan.places import BoolArray
 from grassfire.plan.spiral_tree import Branch, Chain, centre_of, node_near, rooted
 from grassfire.plan.spiral_wave import heights, without_needles
 from grassfire.toolpath import FloatArray

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from grassfire.medial import AxisGraph, MedialAxis
-from grassfire.plan.path import BoolArray, IntArray
+from grassfire.plan.places import BoolArray, IntArray
 from grassfire.toolpath import FloatArray
 
 COARSE = 17

@@ -8,6 +8,7 @@ from grassfire.medial import MedialAxis
 from grassfire.plan import entry, link
 from grassfire.plan.link import Interior, RingSet
 from grassfire.plan.path import Path
+from grassfire.plan.places import Places
 from grassfire.plan.rings import Component
 from grassfire.plan.spiral_curve import filleted
 from grassfire.plan.strategy import ClearingSettings
@@ -134,11 +135,9 @@ class WallLaps:
     def _landing(self, ring: Path, position: FloatArray) -> tuple[list[Stroke], FloatArray, float]:
         """Come down where the tool has been, from where a straight way leads to a ring; or ramp
         down along the ring."""
-        from scipy.spatial import cKDTree
-
         points, along = ring.sampled
         cleared = np.concatenate(self._cleared)
-        distance, nearest = cKDTree(cleared).query(points)
+        distance, nearest = Places(cleared).closest(points)
         best = np.argsort(distance, kind="stable")[:TRIES]
         good = np.flatnonzero(self._inside.holds(cleared[nearest[best]], points[best]))
         if len(good):

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grassfire.plan.path import BoolArray, IntArray
+from grassfire.plan.places import BoolArray, IntArray
 from grassfire.plan.spiral_tree import Branch, Tour, tour
 from grassfire.toolpath import FloatArray
 

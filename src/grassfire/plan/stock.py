@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from grassfire.plan.fronts import (
     GRAZE,
@@ -17,13 +16,12 @@ from grassfire.plan.fronts import (
     densified,
     direction,
     joined,
-    reached,
     runs,
     swept_edge,
     touched,
     unspiked,
 )
-from grassfire.plan.path import BoolArray, IntArray
+from grassfire.plan.places import BoolArray, IntArray, Places
 from grassfire.plan.pursuit import unit
 from grassfire.plan.sense import Cut, swept_side
 from grassfire.plan.tracing import SAMPLING
@@ -107,16 +105,16 @@ class Stock:
 
     def passed_by(self, centres: FloatArray) -> None:
         """Take note of what a way along the wall has cleared: there may be stock on its left."""
-        tree = cKDTree(centres, compact_nodes=False, balanced_tree=False)
+        tree = Places(centres)
         nowhere = np.zeros(len(centres))
         # its left is not along the wall
         way = Cut([], centres[0], centres, nowhere, nowhere + INSIDE)
         kept = self._outside(self.fronts, tree)
         self.note(tree, [*kept, *self._new_fronts(way, True, tree)])
 
-    def note(self, tree: cKDTree, edges: Sequence[Front]) -> None:
+    def note(self, tree: Places, edges: Sequence[Front]) -> None:
         """Bring cleared area and edges of the stock up to date: what is left of fronts, and new."""
-        self.cleared.add(np.asarray(tree.data))
+        self.cleared.add(tree.points)
         whole: list[Front] = []
         short: list[Front] = []
         for front in edges:
@@ -139,13 +137,13 @@ class Stock:
         self.tips = self.tips.plus([self.fronts[index]])
         self.fronts = self.fronts.without(index)
 
-    def edges(self, cut: Cut, against: bool, fronts: Fronts) -> tuple[cKDTree, list[Front]]:
+    def edges(self, cut: Cut, against: bool, fronts: Fronts) -> tuple[Places, list[Front]]:
         """Centres of a cut, and what it leaves of fronts, with the edges that it makes.
 
         `against` says that its stock is on its left.
         """
         swept = densified(cut.points, self._step)
-        tree = cKDTree(swept, compact_nodes=False, balanced_tree=False)
+        tree = Places(swept)
         kept = self._outside(fronts, tree)
         return tree, [*kept, *self._new_fronts(cut, against, tree)]
 
@@ -191,7 +189,7 @@ class Stock:
         spared = self._spared(tail, 0.9 * allowance)
         return len(tail) if spared.all() else int(np.argmin(spared[::-1]))
 
-    def _outside(self, fronts: Fronts, centres: cKDTree) -> Fronts:
+    def _outside(self, fronts: Fronts, centres: Places) -> Fronts:
         """What is left of fronts where the tool has been."""
         return fronts.outside(centres, self._radius * (1 - GRAZE), 4 * self._step)
 
@@ -208,19 +206,19 @@ class Stock:
             near[rows] = self._walls.clearance(places[rows], 2 * most) <= most
         return np.asarray(near)
 
-    def _new_fronts(self, cut: Cut, against: bool, own: cKDTree) -> list[Front]:
+    def _new_fronts(self, cut: Cut, against: bool, own: Places) -> list[Front]:
         """Edges of the stock that a cut leaves, the rim about its end included."""
         edge, piece = swept_side(cut.points, self._rimmed, against)
         last = len(cut.room) - 1
         # what lies in the swept area, however little, would go beside the edge, not on along it
         rim = ((piece < 0) | (piece == last)).nonzero()[0]
-        inner = rim[reached(own, edge.take(rim, axis=0), self._radius * (1 - INSIDE))]
+        inner = rim[own.near(edge.take(rim, axis=0), self._radius * (1 - INSIDE))]
         edge, piece = np.delete(edge, inner, axis=0), np.delete(piece, inner)
         low = cut.room.take(np.maximum(piece, 0))
         high = cut.room.take(np.minimum(piece + 1, last))
         stock = (piece < 0) | (piece == last) | (low > 0) | (high > 0)
         rows = stock.nonzero()[0]
-        rows = rows[~reached(own, edge.take(rows, axis=0), self._radius * (1 - GRAZE))]
+        rows = rows[~own.near(edge.take(rows, axis=0), self._radius * (1 - GRAZE))]
         old = self.cleared.within(edge.take(rows, axis=0), self._radius * (1 + GRAZE / 4))
         stock[:] = False
         stock[rows[~old]] = True

@@ -11,7 +11,7 @@ import numpy as np
 
 from grassfire.errors import PlanningError
 from grassfire.plan.fronts import GRAZE, WALL_SKIN, densified, direction, squares, swept_edge
-from grassfire.plan.path import BoolArray, IntArray
+from grassfire.plan.places import BoolArray, IntArray
 from grassfire.plan.pursuit import pursue, unit, wrapped
 from grassfire.plan.walls import Walls, mirrored
 from grassfire.toolpath import FloatArray

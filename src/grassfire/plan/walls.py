@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from grassfire.geometry.curve import cross
 from grassfire.medial import MedialAxis
 from grassfire.plan.boundary import Boundary
-from grassfire.plan.path import BoolArray, IntArray, Path, join
+from grassfire.plan.path import Path, join
+from grassfire.plan.places import BoolArray, IntArray, Places
 from grassfire.toolpath import FloatArray
 
 CELL = 20.0
@@ -80,7 +80,7 @@ class Walls:
         self.ring = np.repeat(np.arange(len(size)), size)
         self.first = np.repeat(np.cumsum(size) - size, size)
         self.count = np.repeat(size, size)
-        self._tree = cKDTree(self.points)
+        self._tree = Places(self.points)
 
     @property
     def area(self) -> float:
@@ -122,7 +122,7 @@ class Walls:
         """
         if self._boundary is not None:
             return self.clearance(chain, self.wall + 2 * self._step) - self.wall
-        result = self._tree.query(chain)[0] - self._step / 2
+        result = self._tree.closest(chain)[0] - self._step / 2
         near = np.flatnonzero(result < 2 * self._step)
         if len(near):
             result[near] = self.clearance(chain[near]) - self.wall
@@ -130,11 +130,11 @@ class Walls:
 
     def distance(self, points: FloatArray) -> FloatArray:
         """(n,) distance to the nearest sample, mm."""
-        return np.asarray(self._tree.query(points)[0])
+        return self._tree.closest(points)[0]
 
     def nearest(self, point: FloatArray) -> int:
         """Index of the nearest sample."""
-        return int(self._tree.query(point)[1])
+        return int(self._tree.closest(point[None])[1][0])
 
     def beyond(self, sample: int, share: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n, 2) places and (n,) headings on the ring at shares of the way to the next sample."""
