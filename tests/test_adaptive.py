@@ -697,6 +697,28 @@ def test_a_cut_through_the_open_ends_in_stock_of_another_front() -> None:
     assert ends[0] > 7.0 and 1.5 < ends[1] < 2.5
 
 
+@pytest.mark.parametrize("shift", np.linspace(0.0, 0.15, 8).tolist())
+@pytest.mark.parametrize("slant", [0.9, 1.1, 1.3])
+def test_a_cut_that_meets_a_wall_does_not_turn_into_the_stock_there(
+    slant: float, shift: float
+) -> None:
+    """It goes on to the wall as it came, wherever the samples of the wall are."""
+    tracer, _ = tracer_in_a_box(0.2)
+    ahead = np.array([math.cos(slant), math.sin(slant)])
+    front = np.array([shift, 9.9]) + np.arange(-13.0, 0.0, 0.15)[:, None] * ahead
+    alone = Surroundings(
+        lambda places, reach: np.zeros((0, 2)), lambda places, reach: np.ones(len(places), bool)
+    )
+    start = tracer.start(front, 3.0, lambda places: np.ones(len(places), bool))
+    pieces = tracer.cut(front, start, alone)
+    points = np.concatenate([piece.points for piece in pieces if piece.free])
+    last = points[-1] - points[-2]
+    assert points[-1][1] == pytest.approx(7.0, abs=2e-3)
+    assert math.hypot(*last) > 0.01
+    assert math.atan2(last[1], last[0]) == pytest.approx(slant, abs=0.02)
+    assert all(piece.long for piece in pieces[1:])
+
+
 def test_fronts_that_are_left_to_the_last_lap_are_told_of() -> None:
     """Where no cleared way leads to a front, what is behind it is cut in full width."""
     pockets, _ = adaptive_pockets(medial_axis(REGIONS["rectangle"]()), settings_of())

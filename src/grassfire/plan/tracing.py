@@ -12,7 +12,7 @@ import numpy as np
 from grassfire.errors import PlanningError
 from grassfire.plan.fronts import GRAZE, WALL_SKIN, densified, direction, squares, swept_edge
 from grassfire.plan.places import BoolArray, IntArray
-from grassfire.plan.pursuit import pursue, unit, wrapped
+from grassfire.plan.pursuit import Pursuit, pursue, unit, wrapped
 from grassfire.plan.walls import Walls, mirrored
 from grassfire.toolpath import FloatArray
 
@@ -68,6 +68,9 @@ WHOLE, ENDED, ON = -1, -2, -3
 
 BETWEEN = 16
 """Places between two wall samples at which a cut may leave the wall."""
+
+NEXT = 0.3
+"""Samples nearer to where their way meets a wall than this part of a step are left out."""
 
 MOST_CHANGES = 2000
 """Changes between wall and open in one cut: more are a fault."""
@@ -293,6 +296,9 @@ class Tracer:
         cut = _Cut(self._extended(front), 0, front[0], [], -1, len(front), limit, beside)
         offset = front[0] - start.point
         self._trace(cut, start.sample, float(np.arctan2(offset[1], offset[0])), ease)
+        # where it meets the wall it ends, not at the next sample of that
+        if len(cut.pieces) > 1 and not cut.pieces[-1].long and cut.pieces[-2].free:
+            cut.pieces.pop()
         return cut.pieces
 
     def begin(self, pieces: list[Piece]) -> FloatArray | None:
@@ -398,7 +404,7 @@ class Tracer:
             cut.pieces.append(Piece(way.centre[:clear], way.heading[:clear], room[:clear]))
             return ENDED, bearing
         if leave:
-            cut.pieces.append(Piece(way.centre[:leave], way.heading[:leave], room[:leave]))
+            cut.pieces.append(_until(way, room, leave, leave < stop))
         if leave == stop:
             cut.index = len(cut.front) - len(front) + stop - 1
             if stop == len(front):
@@ -407,11 +413,20 @@ class Tracer:
                 # a lap of a spiral goes on as one piece
                 return ENDED, bearing
             return self._pivoted(cut, way.centre[stop - 1], float(way.bearing[stop - 1]))
-        sample = self._walls.nearest(way.centre[leave])
+        sample = self._met(cut, way.centre[leave])
         cut.index = len(cut.front) - len(front) + leave
         cut.point = front[leave]
         turn = wrapped(float(self._walls.heading[sample] - way.heading[leave]))
         return sample if -SHARPEST[1] <= turn <= SHARPEST[0] else ENDED, bearing
+
+    def _met(self, cut: _Cut, beyond: FloatArray) -> int:
+        """The wall sample at which a way goes on that leaves the pocket: none before it ends."""
+        sample = self._walls.nearest(beyond)
+        if cut.pieces:
+            gap = self._walls.points[sample] - cut.pieces[-1].points[-1]
+            if gap @ unit(float(self._walls.heading[sample])) < 0:
+                return int(self._walls.ahead(sample, 2)[-1])
+        return sample
 
     def _pivoted(self, cut: _Cut, centre: FloatArray, bearing: float) -> tuple[int, float]:
         """Over a place of the front that is tighter than the tool: ON or ENDED, and the bearing.
@@ -610,6 +625,22 @@ class _Touch(NamedTuple):
     bearing: FloatArray
     passed: IntArray
     beside: BoolArray
+
+
+def _until(way: Pursuit, room: FloatArray, stop: int, at_wall: bool) -> Piece:
+    """The part of a way before a sample, and to where it meets the wall before that one."""
+    centre, heading, rest = way.centre[:stop], way.heading[:stop], room[:stop]
+    if at_wall:
+        before, after = max(float(room[stop - 1]), 0.0), min(float(room[stop]), 0.0)
+        share = before / max(before - after, 1e-12)
+        place = centre[-1] + share * (way.centre[stop] - centre[-1])
+        turn = float(wrapped(way.heading[stop] - heading[-1]))
+        # a sample next to it would tell nothing of the direction in which the way ends
+        kept = stop - 1 if stop > 1 and share < NEXT else stop
+        centre = np.concatenate([centre[:kept], place[None]])
+        heading = np.append(heading[:kept], heading[-1] + share * turn)
+        rest = np.append(rest[:kept], 0.0)
+    return Piece(centre, heading, rest)
 
 
 def _eased(front: FloatArray, limit: float, ease: tuple[float, float] | None) -> FloatArray:
