@@ -318,7 +318,8 @@ class AdaptivePocket:
         """
         here, bit, back = 0.0, PECK * self._radius, PECKED_BACK * self._radius
         for first, last in past:
-            for goal in np.arange(first + bit, last - bit / 4, bit).tolist():
+            bits = max(math.ceil((last - first) / bit), 1)
+            for goal in np.linspace(first, last, bits + 1)[1:-1].tolist():
                 self._stroke(StrokeKind.FEED, path.slice(here, goal), Role.CUT)
                 here = max(goal - back, 0.0)
                 retreat = path.slice(here, goal).reversed()

@@ -575,8 +575,14 @@ class Tracer:
         rim = (place[:, None] + spoke).reshape(-1, 2)
         stock = ~cleared(rim, self._radius)
         rows = stock.nonzero()[0]
-        stock[rows] = self._walls.off(rim.take(rows, axis=0), skin * self._radius)
-        return np.asarray(stock.reshape(-1, len(angle)).sum(axis=1) * PROBES > limit)
+        off = self._walls.off(rim.take(rows, axis=0), skin * self._radius)
+        film = np.zeros_like(stock)
+        film[rows], stock[rows] = ~off, off
+        film, stock = film.reshape(-1, len(angle)), stock.reshape(-1, len(angle))
+        # beside the wall on the right, what stock follows on is no film but the foot of it
+        foot = film.argmin(axis=1)
+        count = stock.sum(axis=1) + foot * stock[np.arange(len(stock)), foot]
+        return np.asarray(count * PROBES > limit)
 
     def _slid(self, cut: _Cut, samples: IntArray) -> None:
         cut.pieces.append(
