@@ -27,16 +27,20 @@ from grassfire.plan.arcs import Curve, fewest_arcs
 from grassfire.plan.banded import solved
 from grassfire.plan.boundary import Boundary
 from grassfire.plan.chains import Writer
+from grassfire.plan.fronts import SPIKE as SHARPEST
 from grassfire.plan.fronts import (
     Disks,
     Front,
     Fronts,
     densified,
+    direction,
     joined,
+    leaving,
     length,
     runs,
     swept_edge,
     touching,
+    unspiked,
 )
 from grassfire.plan.path import Path, from_loop
 from grassfire.plan.places import Places
@@ -717,6 +721,32 @@ def test_a_cut_that_meets_a_wall_does_not_turn_into_the_stock_there(
     assert math.hypot(*last) > 0.01
     assert math.atan2(last[1], last[0]) == pytest.approx(slant, abs=0.02)
     assert all(piece.long for piece in pieces[1:])
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(3, 60))
+def test_fronts_have_no_near_points_and_do_not_turn_back(seed: int, count: int) -> None:
+    random = np.random.default_rng(seed)
+    step = random.choice([0.15, 0.05, 0.01, 0.001], size=(count, 1))
+    chain = np.cumsum(step * unit(random.normal(0, 1.0, count)), axis=0)
+    found = unspiked(chain, 0.015)
+    chord = found[1:] - found[:-1]
+    size = np.hypot(*chord.T)
+    assert np.array_equal(found[[0, -1]], chain[[0, -1]])
+    assert len(found) == 2 or size.min() > 0.015
+    turn = (chord[1:] * chord[:-1]).sum(axis=1) / np.maximum(size[1:] * size[:-1], 1e-300)
+    assert np.all(turn >= SHARPEST - 1e-12)
+
+
+def test_the_first_points_of_a_front_tell_its_direction() -> None:
+    """Four of them in a hundredth of a millimetre, as two parts of an edge once met."""
+    down = np.stack([np.zeros(40), -0.15 * np.arange(1, 41)], axis=1)
+    fold = np.array([[0.0, 0.0], [-0.002, 0.010], [-0.003, 0.013], [-0.0046, 0.0033]])
+    front = unspiked(np.concatenate([fold, down]), 0.015)
+    assert direction(front[:4]) == pytest.approx(-np.pi / 2, abs=0.01)
+    assert leaving(np.concatenate([fold, down]), 0.015) == pytest.approx(-np.pi / 2, abs=0.01)
+    tracer, _ = tracer_in_a_box(0.2)
+    start = tracer.start(front, 3.0, lambda places: np.ones(len(places), bool))
+    assert start.heading == pytest.approx(-np.pi / 2, abs=0.01)
 
 
 def test_fronts_that_are_left_to_the_last_lap_are_told_of() -> None:

@@ -87,7 +87,7 @@ the spiral comes to the wall all round, this turn would take ever less."""
 FAR = 4.0
 """Fronts further off than that many tool radii are taken after corners near the tool."""
 
-PECK, PECKED_BACK, MOST_PECKED = 0.03, 0.08, (1.0, 3.5)
+PECK, PECKED_BACK, MOST_PECKED = 0.029, 0.08, (1.0, 3.5)
 """Bits in which the tool cuts along a wall where it is past the limit, how far it goes back after
 each, and the longest ways that it takes so while there are fronts and at last, as parts of its
 radius."""

@@ -38,9 +38,9 @@ AT_WALL = 0.1
 FOLD = 2.5
 """Where an edge runs back over itself by so many steps at most, the fold is left out."""
 
-SPIKE, SAME = -0.85, 1e-5
+SPIKE, NEAR = -0.85, 5e-3
 """Cosine of the turn from which on a chain turns back at a point; chords that are shorter than this
-part of the longest have no direction."""
+part of the tool radius tell nothing of its direction."""
 
 SLIVER = 20
 """Fronts of so few points are not searched for those near places."""
@@ -370,14 +370,21 @@ def runs(chain: FloatArray, good: BoolArray, gap: float) -> list[FloatArray]:
     return [kept[low:high] for low, high in zip([0, *stops], stops, strict=False)]
 
 
-def unspiked(chain: FloatArray) -> FloatArray:
-    """A chain without points at which it turns back, and without points that are the one before."""
+def unspiked(chain: FloatArray, least: float) -> FloatArray:
+    """A chain without points at which it turns back, nor inner ones `least` mm from the one before.
+
+    Of a run of such near ones every other stays, as long as there are any.
+    """
     while len(chain) > 2:
         chord = chain[1:] - chain[:-1]
         size = np.hypot(chord[:, 0], chord[:, 1])
         along = (chord[1:] * chord[:-1]).sum(axis=1)
-        # of two points in one place the second goes, and has no direction
-        back = (along < SPIKE * size[1:] * size[:-1]) | (size[:-1] <= SAME * size.max())
+        short = size[:-1] <= least
+        short[-1] |= size[-1] <= least
+        back = along < SPIKE * size[1:] * size[:-1]
+        rank = np.arange(len(short))
+        rank -= np.maximum.accumulate(np.where(short, -1, rank))
+        back |= short & (rank % 2 == 1)
         if not back.any():
             break
         chain = np.delete(chain, back.nonzero()[0] + 1, axis=0)
@@ -411,6 +418,7 @@ def joined(
         before, after = chains[one].points, chains[two].points
         between = densified(np.stack([before[-1], after[skip]]), step)
         chain = np.concatenate([before[:-1], between, after[skip + 1 :]])
+        chain = unspiked(chain, NEAR * radius)
         chains = [item for index, item in enumerate(chains) if index not in (one, two)]
         chains.append(Front(chain))
     for front in chains:
@@ -475,6 +483,14 @@ def _neighbours(chains: list[Front], radius: float) -> list[tuple[float, int, in
         elif gap[0] <= reach:
             found.append((float(gap[0]), one, two, 0))
     return sorted(found)
+
+
+def leaving(points: FloatArray, least: float) -> float:
+    """Direction in which a chain leaves its first point: that of the first one `least` mm off."""
+    offset = points - points[0]
+    far = np.hypot(offset[:, 0], offset[:, 1]) >= least
+    x, y = offset[int(far.argmax()) if far.any() else -1].tolist()
+    return math.atan2(y, x)
 
 
 def direction(points: FloatArray) -> float:

@@ -8,14 +8,15 @@ import numpy as np
 
 from grassfire.plan.fronts import (
     GRAZE,
+    NEAR,
     SHORTEST,
     WALL_SKIN,
     Disks,
     Front,
     Fronts,
     densified,
-    direction,
     joined,
+    leaving,
     runs,
     swept_edge,
     touched,
@@ -226,14 +227,17 @@ class Stock:
         skin = WALL_SKIN * self._radius
         rows = (stock & (np.minimum(low, high) < skin)).nonzero()[0]
         stock[rows] = self._walls.off(edge.take(rows, axis=0), skin)
-        return [Front(unspiked(part)) for part in runs(edge, stock, 4 * self._step)]
+        least = NEAR * self._radius
+        return [Front(unspiked(part, least)) for part in runs(edge, stock, 4 * self._step)]
 
     def _rimmed(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
         """Right edge of what is swept, with the rim before and after; -1 and the last are these."""
         edge, piece = swept_edge(points, self._radius, self._step)
         # all round the ends: what is cleared there falls out
-        before = direction(points[:2]) + np.arange(-np.pi, 0.0, SAMPLING)
-        after = direction(points[-2:]) + np.arange(-0.6, np.pi + 0.6, SAMPLING)
+        least = NEAR * self._radius
+        begun, ended = leaving(points, least), leaving(points[::-1], least) + np.pi
+        before = begun + np.arange(-np.pi, 0.0, SAMPLING)
+        after = ended + np.arange(-0.6, np.pi + 0.6, SAMPLING)
         rims = [
             points[end] + self._radius * unit(angle - np.pi / 2)
             for end, angle in ((0, before), (-1, after))

@@ -76,7 +76,7 @@ MOST_CHANGES = 2000
 """Changes between wall and open in one cut: more are a fault."""
 
 
-BITE, TIGHT, MOST_TURN = (0.0487, 0.0597), 2 / 3, np.radians(25.0)
+BITE, TIGHT, MOST_TURN = (0.0487, 0.0597), 2 / 3, np.radians(30.0)
 """Turn of the tool, radians, over what it advances from tooth to tooth, or over one of the chords
 by which controllers follow an arc, on arcs as wide as the tool; the power of the radius that it
 falls with on tighter ones, where chords are shorter; and most that it may be."""
