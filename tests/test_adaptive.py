@@ -749,6 +749,23 @@ def test_the_first_points_of_a_front_tell_its_direction() -> None:
     assert start.heading == pytest.approx(-np.pi / 2, abs=0.01)
 
 
+@pytest.mark.parametrize("heading", [2.4, 2.7, 3.0])
+def test_a_cut_led_in_across_its_front_ends_at_the_limit(heading: float) -> None:
+    """Its front runs down, but is said to begin in another direction."""
+    tracer, _ = tracer_in_a_box(0.2)
+    down = np.stack([np.zeros(40), -0.15 * np.arange(40)], axis=1)
+    beside = Surroundings(
+        lambda places, reach: np.zeros((0, 2)), lambda places, reach: places[:, 0] > 0
+    )
+    limit, lead = float(np.arccos(1 - 0.4)), 4.5
+    bearing = heading - np.pi / 2 + limit
+    place = -lead * unit(heading) - RADIUS * unit(bearing)
+    pieces = tracer.cut(down, Start(-1, place, heading, lead), beside)
+    points = np.concatenate([piece.points for piece in pieces])
+    headings = np.concatenate([piece.heading for piece in pieces])
+    assert not tracer.past(beside.cleared, points, headings, limit + np.radians(8.0)).any()
+
+
 def test_fronts_that_are_left_to_the_last_lap_are_told_of() -> None:
     """Where no cleared way leads to a front, what is behind it is cut in full width."""
     pockets, _ = adaptive_pockets(medial_axis(REGIONS["rectangle"]()), settings_of())

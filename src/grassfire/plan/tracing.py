@@ -175,7 +175,8 @@ class _Cut:
     `lap` is the first piece of the lap of a spiral whose edge is not yet part of the front, or -1;
     `real` the number of points of the front that are to be cut, without its straight extension;
     `limit` is its engagement, radians; `beside` tells of stock of other fronts, None if there are
-    none; `tail` tells how much of the front of a spiral need not be cut.
+    none; `tail` tells how much of the front of a spiral need not be cut; `lead` is the number of
+    points with which the front begins before the stock.
     """
 
     front: FloatArray
@@ -187,6 +188,7 @@ class _Cut:
     limit: float
     beside: Surroundings | None = None
     tail: Callable[[FloatArray], int] | None = None
+    lead: int = 0
 
 
 class Tracer:
@@ -288,12 +290,14 @@ class Tracer:
     def cut(self, front: FloatArray, start: Start, beside: Surroundings) -> list[Piece]:
         """Along an open front from its start, among others."""
         ease: tuple[float, float] | None = (FIRST_BITE[1], EASE[1] * self._radius)
+        lead = 0
         if start.lead > 0:
-            before = np.arange(round(start.lead / self._step), 0, -1) * self._step
+            lead = round(start.lead / self._step)
+            before = np.arange(lead, 0, -1) * self._step
             front = np.concatenate([front[0] - before[:, None] * unit(start.heading), front])
             ease = None
         limit = self._narrowed(front)
-        cut = _Cut(self._extended(front), 0, front[0], [], -1, len(front), limit, beside)
+        cut = _Cut(self._extended(front), 0, front[0], [], -1, len(front), limit, beside, lead=lead)
         offset = front[0] - start.point
         self._trace(cut, start.sample, float(np.arctan2(offset[1], offset[0])), ease)
         # where it meets the wall it ends, not at the next sample of that
@@ -517,6 +521,9 @@ class Tracer:
         """
         entered, found = np.zeros(len(place), dtype=bool), np.ones(len(place), dtype=bool)
         rows = self._near_others(cut, place, heading, found)
+        if not cut.pieces:
+            # a front that began in another direction would lead through its own stock
+            rows = np.union1d(rows, np.arange(min(cut.lead, len(place))))
         entered[self._entered(cut, place, heading, rows)] = True
         both = entered[:-1] & entered[1:]
         return max(_first(both), 1) if both.any() else len(place)
