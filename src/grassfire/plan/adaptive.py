@@ -41,6 +41,7 @@ from grassfire.plan.stock import ALLOWANCE, Stock
 from grassfire.plan.strategy import ClearingSettings, PocketPlan
 from grassfire.plan.strokes import Stroke, StrokeKind
 from grassfire.plan.tracing import (
+    BESIDES,
     FIRST_BITE,
     SAMPLING,
     Start,
@@ -306,8 +307,8 @@ class AdaptivePocket:
         places, along = path.sample(self._step)
         way = places[1:] - places[:-1]
         heading = np.arctan2(way[:, 1], way[:, 0])
-        cleared, limit = self._stock.cleared.within, self._settings.engagement
-        past = self._tracer.past(cleared, places[1:], heading, limit, PECK_SKIN)
+        cleared, limit = self._stock.cleared.within, self._settings.engagement + BESIDES
+        past = self._tracer.past(cleared, places[1:], heading, limit, PECK_SKIN, foot=True)
         edges = np.diff(past.astype(np.int8), prepend=0, append=0).nonzero()[0].reshape(-1, 2)
         return [(float(along[first]), float(along[last])) for first, last in edges.tolist()]
 
