@@ -41,7 +41,6 @@ from grassfire.plan.stock import ALLOWANCE, Stock
 from grassfire.plan.strategy import ClearingSettings, PocketPlan
 from grassfire.plan.strokes import Stroke, StrokeKind
 from grassfire.plan.tracing import (
-    BESIDES,
     FIRST_BITE,
     SAMPLING,
     Start,
@@ -88,13 +87,16 @@ the spiral comes to the wall all round, this turn would take ever less."""
 FAR = 4.0
 """Fronts further off than that many tool radii are taken after corners near the tool."""
 
-PECK, PECKED_BACK, MOST_PECKED = 0.029, 0.08, (1.0, 3.5)
+PECK, PECKED_BACK, MOST_PECKED = 0.028, 0.08, (1.0, 3.5)
 """Bits in which the tool cuts along a wall where it is past the limit, how far it goes back after
 each, and the longest ways that it takes so while there are fronts and at last, as parts of its
 radius."""
 
 PECK_SKIN = 0.005
 """Thickest film that does not count there, as a part of the tool radius."""
+
+GRACE = np.radians(3.0)
+"""How far past the limit ways along walls go before they are cut in bits, radians."""
 
 TIPS, TIP_TURN = ((0.2, 1.2), (0.15, 4.0)), np.radians(90.0)
 """Longest cuts across a tip, and longest ways round it along the walls, that are not cut from wall
@@ -307,8 +309,8 @@ class AdaptivePocket:
         places, along = path.sample(self._step)
         way = places[1:] - places[:-1]
         heading = np.arctan2(way[:, 1], way[:, 0])
-        cleared, limit = self._stock.cleared.within, self._settings.engagement + BESIDES
-        past = self._tracer.past(cleared, places[1:], heading, limit, PECK_SKIN, foot=True)
+        cleared, limit = self._stock.cleared.within, self._settings.engagement + GRACE
+        past = self._tracer.past(cleared, places[1:], heading, limit, PECK_SKIN)
         edges = np.diff(past.astype(np.int8), prepend=0, append=0).nonzero()[0].reshape(-1, 2)
         return [(float(along[first]), float(along[last])) for first, last in edges.tolist()]
 

@@ -571,13 +571,12 @@ class Tracer:
         heading: FloatArray,
         limit: float,
         skin: float = WALL_SKIN,
-        foot: bool = False,
     ) -> BoolArray:
         """(n,) where the front half of the rim is in stock past a limit, whatever front that is of.
 
         `cleared` is that of `Surroundings`, the limit in radians. Stock nearer to the wall than
-        `skin`, a part of the tool radius, is left out; with `foot` it counts beside a wall on the
-        right where more follows on it.
+        `skin`, a part of the tool radius, is a film and left out; but beside a wall on the right it
+        is the foot of what follows on it, and counts.
         """
         angle = np.arange(PROBES / 2, np.pi, PROBES)
         spoke = (1 + PROBED) * self._radius * unit(heading[:, None] - np.pi / 2 + angle)
@@ -588,10 +587,8 @@ class Tracer:
         film = np.zeros_like(stock)
         film[rows], stock[rows] = ~off, off
         film, stock = film.reshape(-1, len(angle)), stock.reshape(-1, len(angle))
-        count = stock.sum(axis=1)
-        if foot:
-            first = film.argmin(axis=1)
-            count += first * stock[np.arange(len(stock)), first]
+        foot = film.argmin(axis=1)
+        count = stock.sum(axis=1) + foot * stock[np.arange(len(stock)), foot]
         return np.asarray(count * PROBES > limit)
 
     def _slid(self, cut: _Cut, samples: IntArray) -> None:
