@@ -723,6 +723,27 @@ def test_a_cut_that_meets_a_wall_does_not_turn_into_the_stock_there(
     assert all(piece.long for piece in pieces[1:])
 
 
+@pytest.mark.parametrize("shift", np.linspace(0.0, 0.15, 8).tolist())
+@pytest.mark.parametrize("slant", [2.2, 2.5, 2.8])
+def test_a_cut_goes_on_along_a_wall_from_where_it_meets_it(slant: float, shift: float) -> None:
+    """Its front has few points: two samples further on what lies between would be cut short."""
+    tracer, _ = tracer_in_a_box(0.4)
+    ahead = np.array([math.cos(slant), math.sin(slant)])
+    corner = np.array([shift, 9.5])
+    rise = corner + np.arange(-8.0, 0.1, 0.3)[:, None] * ahead
+    film = corner - np.arange(0.3, 9.0, 0.3)[:, None] * np.array([1.0, 0.0])
+    front = np.concatenate([rise, film])
+    alone = Surroundings(
+        lambda places, reach: np.zeros((0, 2)), lambda places, reach: np.ones(len(places), bool)
+    )
+    start = tracer.start(front, 3.0, lambda places: np.ones(len(places), bool))
+    free, wall, *_ = tracer.cut(front, start, alone)
+    assert free.points[-1][1] == pytest.approx(7.0, abs=2e-3)
+    gap = wall.points[0] - free.points[-1]
+    assert wall.points[-1][0] < -1.0
+    assert -0.151 < gap[0] < 1e-9
+
+
 @given(st.integers(0, 2**32 - 1), st.integers(3, 60))
 def test_fronts_have_no_near_points_and_do_not_turn_back(seed: int, count: int) -> None:
     random = np.random.default_rng(seed)

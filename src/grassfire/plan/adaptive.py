@@ -98,7 +98,7 @@ PECK_SKIN = 0.005
 GRACE = np.radians(3.0)
 """How far past the limit ways along walls go before they are cut in bits, radians."""
 
-TIPS, TIP_TURN = ((0.2, 1.2), (0.15, 4.0)), np.radians(90.0)
+TIPS, TIP_TURN = ((0.2, 0.7), (0.1, 4.0)), np.radians(90.0)
 """Longest cuts across a tip, and longest ways round it along the walls, that are not cut from wall
 to wall any more, as parts of the tool radius; least turn of the walls there, radians."""
 

@@ -45,6 +45,9 @@ STRAY = 1.5
 ALONG = 0.98
 """Cosine of the largest angle at which a cut through the open may be begun a step before it."""
 
+EASED = 6.0
+"""Steps over which a cut that is begun beside its first sample comes to its way."""
+
 
 @dataclass
 class _Run:
@@ -74,6 +77,13 @@ class _Run:
     after: float = 0.0
     origin: FloatArray | None = None
     path: Path | None = None
+
+    def eased(self, begin: FloatArray, size: float) -> None:
+        """Begin at a place beside the first sample, and come to the others by and by."""
+        gap = begin - self.points[0]
+        share = np.maximum(1.0 - np.hypot(*(self.points - self.points[0]).T) / size, 0.0)
+        share[np.minimum.accumulate(share) < share] = 0.0
+        self.points = self.points + share[:, None] * gap
 
     def with_ends(self, begin: FloatArray | None, end: FloatArray | None, least: float) -> None:
         """Begin and end at other places, without samples that are not `least` before or past."""
@@ -155,6 +165,8 @@ class Writer:
         for number, run in enumerate(runs):
             if run.ring is None:
                 after = runs[number + 1].points[0] if number + 1 < len(runs) else None
+                if run.origin is not None and math.dist(run.origin, run.points[0]) <= self._open:
+                    run.eased(run.origin, EASED * self._step)
                 run.with_ends(place, after, NEAREST * self._step)
                 if length(run.points) > SAME:
                     result.append(run)
@@ -190,7 +202,8 @@ class Writer:
     def leads(self, piece: Piece, place: FloatArray) -> bool:
         """Whether a piece can begin at a place that is hardly a step before it.
 
-        One along a ring, on the ring; one through the open where that way hardly turns.
+        One along a ring, on the ring; one through the open where that way hardly turns, or by no
+        more than it may lie beside the exact way.
         """
         if not piece.free:
             return self._behind(piece, place) is not None
@@ -198,7 +211,7 @@ class Writer:
         far = np.hypot(gap[:, 0], gap[:, 1])
         ahead = unit(piece.heading[far <= 2 * far[0]]) @ gap[0]
         near = SAME < far[0] <= STRAY * self._step
-        return bool(near and ahead.min() > ALONG * far[0])
+        return bool(near and (ahead.min() > ALONG * far[0] or far[0] <= self._open))
 
     def _behind(self, piece: Piece, place: FloatArray) -> float | None:
         """How far before the first sample of a piece a place on its ring is, mm; None elsewhere."""

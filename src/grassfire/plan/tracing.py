@@ -33,6 +33,11 @@ LEAVING, WIDE_CUT = (0.02, 0.6), np.radians(70.0)
 """How much lower it is where a cut leaves a wall, radians, and over which length, in tool radii;
 limits from which on it need not be: there a tooth feels the edge of the stock less."""
 
+ABRUPT, SUDDEN, FEW = 0.88, (0.1, 0.4), 5
+"""Turn of what a cut has met of its front where it leaves the wall at which it begins, as a part of
+the limit, from which on it begins lower; how much lower, and over which length; fewest points that
+tell. The rim meets a front as tight as the tool everywhere at once."""
+
 LEADS = 0.5, 1.0, 1.5
 """How far before its front a cut from the open may begin, as parts of the tool radius."""
 
@@ -369,13 +374,22 @@ class Tracer:
                 if left is None:
                     return False
                 sample, bearing = -1, left
-            less, over = LEAVING
-            ease = (cut.limit - less, over * self._radius) if cut.limit < WIDE_CUT else None
+            ease = self._risen(cut)
         raise PlanningError(
             "a cut went back and forth between wall and open without end",
             place=(float(cut.point[0]), float(cut.point[1])),
             remedy="report the drawing; the strategy offset clears this pocket",
         )
+
+    def _risen(self, cut: _Cut) -> tuple[float, float] | None:
+        """Engagement with which a cut leaves a wall, and over which length it rises, or None."""
+        less, over = LEAVING if cut.limit < WIDE_CUT else (0.0, 0.0)
+        met = cut.front[: cut.index + 1]
+        if len(met) > FEW and not any(piece.long for piece in cut.pieces):
+            turn = wrapped(direction(met[-3:]) - direction(met[:3]))
+            if turn > ABRUPT * cut.limit:
+                less, over = SUDDEN
+        return (cut.limit - less, over * self._radius) if less else None
 
     def _open(
         self, cut: _Cut, bearing: float, ease: tuple[float, float] | None
@@ -424,12 +438,17 @@ class Tracer:
         return sample if -SHARPEST[1] <= turn <= SHARPEST[0] else ENDED, bearing
 
     def _met(self, cut: _Cut, beyond: FloatArray) -> int:
-        """The wall sample at which a way goes on that leaves the pocket: none before it ends."""
-        sample = self._walls.nearest(beyond)
-        if cut.pieces:
-            gap = self._walls.points[sample] - cut.pieces[-1].points[-1]
-            if gap @ unit(float(self._walls.heading[sample])) < 0:
-                return int(self._walls.ahead(sample, 2)[-1])
+        """The wall sample at which a way goes on that leaves the pocket: the first after its end.
+
+        A way without length leaves it at once, to a place `beyond`.
+        """
+        if not cut.pieces:
+            return self._walls.nearest(beyond)
+        # the place beyond may be two samples further
+        place = cut.pieces[-1].points[-1]
+        sample = self._walls.nearest(place)
+        if (self._walls.points[sample] - place) @ unit(float(self._walls.heading[sample])) < 0:
+            return int(self._walls.ahead(sample, 2)[-1])
         return sample
 
     def _pivoted(self, cut: _Cut, centre: FloatArray, bearing: float) -> tuple[int, float]:
