@@ -79,11 +79,11 @@ class _Run:
     path: Path | None = None
 
     def eased(self, begin: FloatArray, size: float) -> None:
-        """Begin at a place beside the first sample, and come to the others by and by."""
-        gap = begin - self.points[0]
-        share = np.maximum(1.0 - np.hypot(*(self.points - self.points[0]).T) / size, 0.0)
-        share[np.minimum.accumulate(share) < share] = 0.0
-        self.points = self.points + share[:, None] * gap
+        """Begin at a place beside the first sample, and come to the others within a length."""
+        gone = np.hypot(*(self.points - self.points[0]).T)
+        size = max(min(size, gone[-1]), SAME)
+        share = np.minimum.accumulate(np.maximum(1.0 - gone / size, 0.0))
+        self.points = self.points + share[:, None] * (begin - self.points[0])
 
     def with_ends(self, begin: FloatArray | None, end: FloatArray | None, least: float) -> None:
         """Begin and end at other places, without samples that are not `least` before or past."""
