@@ -65,6 +65,10 @@ BACK = 60
 SHARPEST = np.radians(75.0), np.radians(60.0)
 """A cut that meets a wall turns along it to the left and to the right by this much at most."""
 
+BACKWARDS = 2e-3
+"""How far back a way may go from sample to sample, as a part of the tool radius: fronts as tight as
+the tool hold it in one place, but for rounding."""
+
 MOST_PIVOT = np.radians(30.0)
 """How far a cut turns on the spot at most where its front is too tight for the tool."""
 
@@ -388,7 +392,7 @@ class Tracer:
         if len(met) > FEW and not any(piece.long for piece in cut.pieces):
             turn = wrapped(direction(met[-3:]) - direction(met[:3]))
             if turn > ABRUPT * cut.limit:
-                less, over = SUDDEN
+                less, over = min(SUDDEN[0], cut.limit / 4), SUDDEN[1]
         return (cut.limit - less, over * self._radius) if less else None
 
     def _open(
@@ -407,7 +411,8 @@ class Tracer:
             return ENDED, bearing
         way = pursue(front, bearing, self._radius, _eased(front, cut.limit, ease))
         # the first row is where the way begins
-        stop = _first(way.advance[1:] < 0) + 1
+        gone = ((way.centre[1:] - way.centre[:-1]) * unit(way.heading[1:])).sum(axis=1)
+        stop = _first((way.advance[1:] < 0) | (gone < -BACKWARDS * self._radius)) + 1
         room = self._walls.room(way.centre[:stop])
         if cut.pieces and room[0] < -SKIM:
             # the rim met no front that goes on from here

@@ -174,7 +174,9 @@ class Walls:
                 np.convolve(np.tile(own, 3), np.ones(2 * beside + 1), "same")[size : 2 * size] > 0
             )
             if wide.all():
-                found.append((first, first + size - 1))
+                # all of the ring, from a sample without a flag
+                turn = int(np.argmin(own))
+                found.append((first + turn, first + (turn - 1) % size))
                 continue
             turn = int(np.argmin(wide))
             edges = np.flatnonzero(np.diff(np.roll(wide, -turn).astype(np.int8), append=0))
