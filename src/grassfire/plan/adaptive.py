@@ -374,6 +374,7 @@ class AdaptivePocket:
         angle = np.linspace(0.0, 2 * np.pi, int(2 * np.pi * (helix + self._radius) / self._step))
         front = centre + (helix + self._radius) * unit(angle)
         stock = self._walls.off(front, WALL_SKIN * self._radius)
+        stock &= ~self._stock.cleared.within(front, self._radius * (1 + GRAZE / 4))
         outwards = front[0] - self._radius * unit(FIRST_BITE[0]) - centre
         start = centre + helix * outwards / np.hypot(*outwards)
         light = math.atan(LIGHT * self._settings.step / (2 * math.pi * helix))
@@ -381,7 +382,7 @@ class AdaptivePocket:
         way = entry.helix(centre, start, self._settings.drop, slope, 1)
         self._stroke(StrokeKind.DESCEND, way.down, Role.ENTRY)
         self._stroke(StrokeKind.FEED, way.flat, Role.ENTRY)
-        self._stock.cleared.add(centre + helix * unit(angle[:-1]))
+        self._stock.entered(centre + helix * unit(angle[:-1]))
         if not stock.all():
             # the walls break the front at once: begun where one does, its parts are whole
             turn = int(np.argmin(stock))

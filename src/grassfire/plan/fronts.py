@@ -321,7 +321,7 @@ def swept_edge(centres: FloatArray, radius: float, step: float) -> tuple[FloatAr
     size = gap + radius * np.abs(bend)
     owner, share = _subdivision(size / step)
     straight = (gap / size).take(owner)
-    moved = np.minimum(share / straight, 1.0)
+    moved = np.minimum(share / np.maximum(straight, 1e-300), 1.0)
     turned = np.maximum(share - straight, 0.0) / np.maximum(1 - straight, 1e-300)
     bend = bend.take(owner)
     angle = heading.take(owner) + bend * turned

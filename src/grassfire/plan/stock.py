@@ -113,6 +113,12 @@ class Stock:
         kept = self._outside(self.fronts, tree)
         self.note(tree, [*kept, *self._new_fronts(way, True, tree)])
 
+    def entered(self, centres: FloatArray) -> None:
+        """Take note of a helix: it may cut edges of what is left away."""
+        tree = Places(centres)
+        self.cleared.add(centres)
+        self.left, self.tips = self._outside(self.left, tree), self._outside(self.tips, tree)
+
     def note(self, tree: Places, edges: Sequence[Front]) -> None:
         """Bring cleared area and edges of the stock up to date: what is left of fronts, and new."""
         self.cleared.add(tree.points)

@@ -10,7 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 from grassfire.errors import PlanningError
-from grassfire.plan.fronts import GRAZE, WALL_SKIN, densified, direction, squares, swept_edge
+from grassfire.plan.fronts import (
+    GRAZE,
+    WALL_SKIN,
+    densified,
+    direction,
+    length,
+    squares,
+    swept_edge,
+)
 from grassfire.plan.places import BoolArray, IntArray
 from grassfire.plan.pursuit import Pursuit, pursue, unit, wrapped
 from grassfire.plan.walls import Walls, mirrored
@@ -171,9 +179,9 @@ class Piece:
 
     @property
     def long(self) -> bool:
-        """Whether it has a length."""
+        """Whether it is longer than what cuts as written may be off."""
         if self.free:
-            return len(self.points) > 1
+            return length(self.points) > SKIM
         return bool(self.samples[0] != self.samples[-1])
 
 
