@@ -46,6 +46,7 @@ from grassfire.plan.path import Path, from_loop
 from grassfire.plan.places import BoolArray, Places
 from grassfire.plan.pursuit import unit, wrapped
 from grassfire.plan.smooth import rounded, tangent_link, two_arcs
+from grassfire.plan.stock import Stock
 from grassfire.plan.strategy import ClearingSettings
 from grassfire.plan.strokes import Stroke, StrokeKind
 from grassfire.plan.tracing import Piece, Start, Surroundings, Tracer
@@ -612,6 +613,16 @@ def test_wall_samples_go_round_and_slices_follow_them() -> None:
         assert walls.frame(walls.frame(corners)) == pytest.approx(corners)
 
 
+@pytest.mark.parametrize("bare", [0, 1, 17, 100])
+def test_stretches_all_round_begin_at_a_sample_without_a_flag(bare: int) -> None:
+    """A way along all of a ring that began in stock could not be reached."""
+    _, walls = tracer_in_a_box(0.4)
+    flags = np.ones(len(walls.points), dtype=bool)
+    flags[bare] = False
+    ((low, high),) = walls.stretches(flags, 3)
+    assert low == bare and walls.steps(low, high) == len(flags) - 1
+
+
 @pytest.mark.parametrize("kind", sorted(REGIONS))
 def test_prepared_distances_are_those_of_the_axis(kind: str) -> None:
     axis = medial_axis(REGIONS[kind]())
@@ -859,6 +870,43 @@ def test_a_pocket_that_the_helix_clears_has_no_cuts() -> None:
     pocket.plan(pocket.peak)
     assert not any(stroke.role is Role.CUT for stroke in pocket.strokes)
     assert not pocket.findings
+
+
+def test_a_helix_that_enters_again_clears_what_was_left_there() -> None:
+    """Edges of what it has cut away would bar all ways to what is left round it."""
+    _, walls = tracer_in_a_box(0.4)
+    stock = Stock(walls, RADIUS, 0.15)
+    along = np.arange(-6.0, 6.0, 0.15)
+    stock.left = Fronts([Front(np.stack([along, np.full(len(along), 1.0)], axis=1))])
+    stock.entered(2.0 * unit(np.linspace(0.0, 2 * np.pi, 60)))
+    assert len(stock.left) == 2
+    for front in stock.left:
+        gap = np.hypot(*front.points.T)
+        assert 4.9 < gap.min() < 5.2 and gap.max() > 5.9
+    assert stock.cleared.within(np.array([[4.9, 0.0]]), RADIUS).all()
+
+
+def test_cuts_shorter_than_they_may_be_off_are_none() -> None:
+    speck = np.array([[0.0, 0.0], [0.0004, 0.0], [0.0004, 0.0006]])
+    assert not Piece(speck, np.zeros(3), np.ones(3)).long
+    assert Piece(10 * speck, np.zeros(3), np.ones(3)).long
+    assert not Piece(speck[:1], np.zeros(1), np.ones(1)).long
+
+
+@pytest.mark.parametrize("hook", [10.0, 13.5, 17.0])
+def test_a_cut_does_not_go_back(hook: float) -> None:
+    """At a small engagement a kink in a front as tight as the tool moves the way far."""
+    tracer, _ = tracer_in_a_box(0.00025)
+    turn = np.radians([136.7 - hook, *(136.7 + 2.83 * np.arange(20))])
+    size = np.array([0.028, *(20 * [0.148])])
+    start = RADIUS * unit(np.radians(45.1))
+    front = start + np.cumsum(np.vstack([np.zeros(2), size[:, None] * unit(turn)]), axis=0)
+    alone = Surroundings(
+        lambda places, reach: np.zeros((0, 2)), lambda places, reach: np.ones(len(places), bool)
+    )
+    for piece in tracer.cut(front, Start(-1, np.zeros(2), float(turn[0])), alone):
+        gone = np.sum(np.diff(piece.points, axis=0) * unit(piece.heading[1:]), axis=1)
+        assert np.all(gone > -0.0021 * RADIUS)
 
 
 def test_tips_are_cut_bit_by_bit() -> None:
